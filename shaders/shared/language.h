@@ -21,6 +21,7 @@
 #define hyk_vec3 vec3
 #define HYK_C(x) float(x)
 #define HYK_TO_REAL(x) float(x)
+#define HYK_TO_FLOAT(x) float(x)
 #define HYK_TO_UINT(x) uint(x)
 #define HYK_TO_INT(x) int(x)
 #define HYK_REAL_MAX 3.402823466e+38
@@ -59,6 +60,7 @@ typedef struct hyk_vec3 { hyk_real x, y, z; } hyk_vec3;
 
 #define HYK_C(x) ((hyk_real)(x))
 #define HYK_TO_REAL(x) ((hyk_real)(x))
+#define HYK_TO_FLOAT(x) ((float)(x))
 #define HYK_TO_UINT(x) ((hyk_uint)(x))
 #define HYK_TO_INT(x) ((hyk_int)(x))
 #if HYK_REAL_IS_FLOAT

@@ -1,0 +1,171 @@
+# hydra: `make demo` needs a C compiler and nothing else; `make test` checks everything and sets itself up.
+#
+#   make hydra.h       the header from its parts          make test          everything below but fuzz, bench
+#   make demo          a picture and what it cost         make unit          the unit tests (T="bvh film": some)
+#   make examples      all of examples/                   make test-asan     unit tests under ASan and UBSan
+#   make bench         all of bench/ (QUICK=1: short)     make test-tsan     those with threads under TSan
+#   make bench-<name>  one of them                        make check-...     generated, prefix, shared, matrix
+#   make fuzz          FUZZ_SECONDS=20 for each target    make format, tidy  clang-format, clang-tidy
+MAKEFLAGS += --no-builtin-rules
+.SUFFIXES:
+.DELETE_ON_ERROR:
+
+ifeq ($(origin CC),default)
+CC := $(firstword $(foreach c,gcc cc clang,$(if $(shell command -v $(c) 2>/dev/null),$(c))) cc)
+endif
+CXX ?= g++
+CLANG ?= clang
+OPT ?= -O2
+LIBS := -lm -pthread
+export CC CXX
+
+.PHONY: all test unit test-asan test-tsan test-readme demo examples bench fuzz format tidy clean FORCE \
+	check-generated check-prefix check-shared check-matrix setup-cc setup-test setup-examples setup-fuzz setup-lint
+.DEFAULT_GOAL := all
+
+all: hydra.h examples
+
+# ---- the header. Made when asked for, never on the way to something else: what is tested is what is committed.
+
+AMALGAMATED := $(filter all hydra.h,$(or $(MAKECMDGOALS),all))
+ifneq ($(AMALGAMATED)$(if $(wildcard hydra.h),,missing),)
+hydra.h: build/amalgamate FORCE
+	@build/amalgamate build/hydra.h.new
+	@cmp -s build/hydra.h.new $@ && echo "hydra.h is fresh" || { cp build/hydra.h.new $@ && echo "made hydra.h"; }
+endif
+
+build/amalgamate: tools/amalgamate.c
+	@mkdir -p build
+	$(CC) -std=c99 -O1 $< -o $@
+
+FORCE:
+
+# ---- what is installed where it is missing
+
+setup-cc:
+	@CC=$(CC) sh -c 'command -v $$CC >/dev/null' || .ci/setup cc
+setup-test:
+	@.ci/setup cc tests examples
+setup-examples:
+	@.ci/setup cc examples
+setup-fuzz:
+	@.ci/setup cc fuzz
+setup-lint:
+	@.ci/setup lint
+
+# ---- demo, examples
+
+demo: setup-cc build/demo
+	@build/demo
+
+build/demo: examples/demo.c hydra.h
+	@mkdir -p build
+	$(CC) -std=c99 $(OPT) -I. $< -o $@ $(LIBS)
+
+# A program of examples/ or bench/ is one file, or a folder of files; what it links with follows from what it includes.
+programs = $(sort $(patsubst $(1)/%.c,%,$(wildcard $(1)/*.c)) $(patsubst $(1)/%/,%,$(dir $(wildcard $(1)/*/*.c))))
+uses = $(shell grep -qE '^ *\# *include *[<"]$(2)' $(1) && echo yes)
+defines = $(shell grep -qE '^ *\# *define *$(2)' $(1) && echo yes)
+there = $(shell echo '\#include <$(1)>' | $(CC) -E -x c - >/dev/null 2>&1 && echo yes)
+openexr = $(shell pkg-config --cflags --libs-only-L OpenEXR) $(or $(filter -lOpenEXRCore%,$(shell pkg-config --libs OpenEXR)),-lOpenEXRCore)
+libraries = $(if $(call uses,$(1),assimp/),-lassimp) $(if $(call uses,$(1),(OpenEXR/)?openexr),$(openexr)) \
+	$(if $(call uses,$(1),stb/),$(if $(call defines,$(1),STB_[A-Z_]*IMPLEMENTATION),,-lstb)) \
+	$(if $(call uses,$(1),embree3/),$(if $(call there,embree3/rtcore.h),-lembree3))
+
+define program
+build/$(1)/$(2): $(wildcard $(1)/$(2).c $(1)/$(2)/*.c) hydra.h $(wildcard $(1)/*.h $(1)/$(2)/*.h)
+	@mkdir -p $$(@D)
+	$$(CC) -std=gnu99 $(3) -Wall -Wextra -I. $$(filter %.c,$$^) -o $$@ $$(call libraries,$$(filter %.c,$$^)) $$(LIBS)
+endef
+
+EXAMPLES := $(patsubst %,build/examples/%,$(call programs,examples))
+examples: $(if $(filter-out build/examples/demo,$(EXAMPLES)),setup-examples) $(EXAMPLES)
+$(foreach p,$(call programs,examples),$(eval $(call program,examples,$(p),$(OPT))))
+
+# ---- bench: bench/<name>.c or bench/<name>/ is `make bench-<name>`. Each prints its goals and writes under build/bench.
+
+BENCHES := $(patsubst %,bench-%,$(call programs,bench))
+.PHONY: $(BENCHES)
+bench: $(BENCHES)
+	@test -n "$(BENCHES)" || echo "bench: no programs in bench/"
+$(BENCHES): bench-%: setup-cc build/bench/%
+	@QUICK=$(QUICK) build/bench/$*
+$(foreach p,$(call programs,bench),$(eval $(call program,bench,$(p),-O3)))
+
+# ---- unit tests: tests/test_<subject>.c, built in three ways
+
+SUBJECTS := $(sort $(patsubst tests/test_%.c,%,$(wildcard tests/test_*.c)))
+# Those that start threads: the words by which a test asks for them.
+TSAN_SUBJECTS := $(or $(TSAN_SUBJECTS),$(patsubst tests/test_%.c,%,$(sort \
+	$(shell grep -lE 'ht_open_threads|[.>]threads *=|pthread_create|parallel_for' tests/test_*.c))))
+SUPPORT := $(filter-out main test_%,$(patsubst tests/%.c,%,$(wildcard tests/*.c)))
+TEST_FLAGS := -std=c99 -D_POSIX_C_SOURCE=200809L -g -Wall -Wextra -I. -Itests
+
+# name, compiler, flags, subjects
+define flavour
+.PHONY: $(1)-program
+$(1)-program: build/$(1)/tests
+build/$(1)/subjects.h: FORCE
+	@mkdir -p build/$(1)
+	@printf 'HT_SUBJECT(%s)\n' $(4) > $$@.new; cmp -s $$@.new $$@ && rm $$@.new || mv $$@.new $$@
+build/$(1)/main.o: tests/main.c build/$(1)/subjects.h $(wildcard tests/*.h)
+	$(2) $$(TEST_FLAGS) $(3) -Ibuild/$(1) -c $$< -o $$@
+build/$(1)/%.o: tests/%.c hydra.h $(wildcard tests/*.h) build/$(1)/subjects.h
+	$(2) $$(TEST_FLAGS) $(3) -c $$< -o $$@
+build/$(1)/hydra.o: hydra.h build/$(1)/subjects.h
+	$(2) $$(TEST_FLAGS) $(3) -DHYDRA_IMPLEMENTATION -x c -c hydra.h -o $$@
+build/$(1)/tests: build/$(1)/main.o build/$(1)/hydra.o $(patsubst %,build/$(1)/%.o,$(SUPPORT) $(addprefix test_,$(4)))
+	$(2) $(3) $$^ -o $$@ -lcmocka $$(LIBS)
+endef
+SANITIZE := -O1 -fno-omit-frame-pointer
+$(eval $(call flavour,unit,$(CC),$(OPT),$(SUBJECTS)))
+$(eval $(call flavour,asan,$(CC),$(SANITIZE) -fsanitize=address -fsanitize=undefined -fno-sanitize-recover=all,$(SUBJECTS)))
+$(eval $(call flavour,tsan,$(CC),$(SANITIZE) -fsanitize=thread,$(TSAN_SUBJECTS)))
+
+unit: unit-program
+	@build/unit/tests $(T)
+test-asan: asan-program
+	@HYDRA_TEST_QUICK=1 ASAN_OPTIONS=detect_leaks=1 UBSAN_OPTIONS=print_stacktrace=1 build/asan/tests $(T)
+test-tsan: $(if $(TSAN_SUBJECTS),tsan-program)
+	@test -n "$(TSAN_SUBJECTS)" || { echo "test-tsan: FAILED, no test starts a thread"; exit 1; }
+	@HYDRA_TEST_QUICK=1 TSAN_OPTIONS=halt_on_error=1 build/tsan/tests
+
+# ---- checks
+
+check-generated check-prefix check-shared check-matrix: check-%:
+	@tests/checks/$*.sh
+test-readme:
+	@tests/checks/readme.sh
+
+test: setup-test
+	@MAKE="$(MAKE)" EXAMPLES="$(EXAMPLES)" tests/checks/all.sh
+
+# ---- fuzz
+
+FUZZ_SECONDS ?= 20
+FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(wildcard tests/fuzz/fuzz_*.c))
+build/fuzz/%: tests/fuzz/%.c hydra.h $(wildcard tests/fuzz/*.h)
+	@mkdir -p $(@D)
+	$(CLANG) -std=c11 -g -O1 -Wall -Wextra -I. -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all $< -o $@ $(LIBS)
+fuzz: setup-fuzz $(FUZZERS)
+	@for target in $(FUZZERS); do \
+		corpus=$$target.corpus; echo "== $$target, $(FUZZ_SECONDS) s"; \
+		test -d $$corpus || { mkdir -p $$corpus; for seed in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16; do \
+			LC_ALL=C awk -v seed=$$seed 'BEGIN { srand(seed); for (i = 0; i < 1500; i++) printf "%c", 1 + int(rand() * 255) }' > $$corpus/$$seed; \
+		done; }; \
+		$$target -max_total_time=$(FUZZ_SECONDS) -timeout=20 -rss_limit_mb=4096 -max_len=4096 -len_control=0 -print_final_stats=1 \
+			-artifact_prefix=build/fuzz/ $$corpus > $$target.log 2>&1 || { tail -n 40 $$target.log; exit 1; }; \
+		grep -E 'stat::(number_of_executed|average_exec|peak_rss)' $$target.log; \
+	done
+
+# ---- style
+
+SOURCES := $(filter-out hydra.h hydra_vk.h,$(shell find src shaders tools examples tests bench -name '*.[ch]' 2>/dev/null))
+format: setup-lint
+	clang-format -i $(SOURCES)
+tidy: setup-lint
+	clang-tidy --quiet tools/amalgamate.c tests/main.c tests/hydra_test.c -- $(TEST_FLAGS) -Ibuild/unit
+	clang-tidy --quiet hydra.h -- -x c -std=c99 -DHYDRA_IMPLEMENTATION
+
+clean:
+	rm -rf build

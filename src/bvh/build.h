@@ -1,0 +1,63 @@
+/* >>bvh-build: from triangles or boxes to a tree */
+#ifndef HYI_BVH_BUILD_H
+#define HYI_BVH_BUILD_H
+
+#include "build_collapse.h"
+
+HYI_FN void hyi_build_release(hyi_build *build) {
+    hyi_free_array(build->context, &build->chunk_splits, build->chunk_count);
+    hyi_free_array(build->context, &build->chunks, build->chunk_count);
+    hyi_free_array(build->context, &build->refs, build->ref_count);
+    hyi_free_array(build->context, &build->other, build->ref_count);
+    hyi_free_array(build->context, &build->nodes, build->node_capacity);
+    hyi_free_array(build->context, &build->tasks, build->task_capacity);
+}
+
+HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
+    HYI_TRY(hyi_build_refs(build));
+    if (build->ref_count == 0) return HYDRA_OK;
+    HYI_TRY(hyi_build_tree(build));
+    return hyi_collapse(build);
+}
+
+/* On failure everything is freed and the tree is empty. */
+HYI_FN hydra_result hyi_build_run(hyi_build *build) {
+    memset(build->bvh, 0, sizeof *build->bvh);
+    if (build->source_count == 0) return HYDRA_OK;
+    if (build->source_count > HYI_PRIMITIVES_MAX) {
+        return hyi_fail(build->context, HYDRA_ERROR_COUNT, "%u primitives in one tree, the limit is %u", build->source_count, HYI_PRIMITIVES_MAX);
+    }
+    hydra_result result = hyi_build_steps(build);
+    hyi_build_release(build);
+    if (result != HYDRA_OK) hyi_bvh_free(build->context, build->bvh);
+    return result;
+}
+
+/* positions: x, y, z tightly packed and finite; indices: three a triangle, in range. The tree depends on
+   these alone, not on threads. Degenerate triangles are dropped and counted. */
+HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
+                                            uint32_t triangle_count, hyi_bvh *bvh) {
+    hyi_build build;
+    memset(&build, 0, sizeof build);
+    build.context = context;
+    build.positions = positions;
+    build.indices = indices;
+    build.source_count = triangle_count;
+    build.leaf_max = HYI_LEAF_MAX;
+    build.bvh = bvh;
+    return hyi_build_run(&build);
+}
+
+/* A leaf is one box: it stands in its parent already. */
+HYI_FN hydra_result hyi_bvh_build_boxes(hydra_context *context, const hyi_box *boxes, uint32_t count, hyi_bvh *bvh) {
+    hyi_build build;
+    memset(&build, 0, sizeof build);
+    build.context = context;
+    build.boxes = boxes;
+    build.source_count = count;
+    build.leaf_max = 1;
+    build.bvh = bvh;
+    return hyi_build_run(&build);
+}
+
+#endif /* HYI_BVH_BUILD_H */

@@ -1,0 +1,168 @@
+/* >>bvh-triangle: a ray made ready for one tree, and the watertight triangle test
+
+   Woop, Benthin, Wald 2013, "Watertight ray/triangle intersection", JCGT 2 (1). Corners are moved to the
+   ray's origin and sheared so that the ray becomes the z axis; the signs of three edge functions decide.
+   An edge shared by two triangles gets the same value with opposite sign in both, so a ray cannot pass
+   between them.
+
+   Here each vector unit only throws out triangles whose edge functions differ in sign in float: rounding
+   is monotone, so a product difference of the wrong sign cannot come out, only zero. What remains is
+   decided by hyi_confirm in double, where products of two floats are exact: signs are then exact for the
+   sheared corners, and t, u, v keep their bits on needles. It is one function that no compiler flag or
+   instruction set changes, so all traversals give the same bits. */
+#ifndef HYI_BVH_TRIANGLE_H
+#define HYI_BVH_TRIANGLE_H
+
+#include "layout.h"
+#include "../../shaders/shared/layouts.h"
+
+#define HYI_FAR_AWAY 4611686018427387904.0f /* 2^62: a farther origin is moved to here */
+#define HYI_SLAB_BOUND 9.5367431640625e-07f  /* 2^-20 */
+#define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
+#define HYI_STEADY 7.52316384526264e-37f     /* 2^-120: the smallest direction component */
+
+/* A ray in the units of one tree. t here times unit is t of the ray. */
+typedef struct hyi_aim {
+    float near_origin[3], far_origin[3]; /* the origin moved by the error bound: slabs only get thicker */
+    float inverse[3];                    /* of the direction; finite */
+    float t_near, t_far;
+    uint32_t near_plane[3];              /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
+    uint32_t axis[3];                    /* x, y, z of the sheared frame; z is the direction's largest */
+    float origin[3], shear[2];           /* in the order of axis */
+    double inverse_z, unit, inverse_unit;
+} hyi_aim;
+
+/* What a triangle must beat, and the answer. */
+typedef struct hyi_best {
+    float t, u, v;
+    uint32_t instance, primitive; /* HYK_NONE: t is t_max */
+} hyi_best;
+
+/* ---- aiming */
+
+/* Moves a ray of any length into the units of the tree: directions far from 1 in size are scaled by a power
+   of two, which t then carries. */
+HYI_FN bool hyi_scale_ray(hyi_aim *aim, float scale, const float *origin, const float *direction, float *o, float *d) {
+    float largest = 0.0f;
+    for (int a = 0; a < 3; a++) {
+        float size = fabsf(direction[a]);
+        largest = size > largest ? size : largest;
+        o[a] = origin[a] * scale;
+        o[a] = o[a] < -HYI_FAR_AWAY ? -HYI_FAR_AWAY : o[a] > HYI_FAR_AWAY ? HYI_FAR_AWAY : o[a];
+    }
+    if (!(largest > 0.0f && largest <= FLT_MAX)) return false;
+    double factor = (double)scale, size = (double)largest * factor;
+    aim->unit = aim->inverse_unit = 1.0;
+    if (size < 9.31322574615478515625e-10 || size > 1073741824.0) {
+        int exponent;
+        (void)frexp(size, &exponent);
+        aim->unit = ldexp(1.0, -exponent);
+        aim->inverse_unit = ldexp(1.0, exponent);
+        factor *= aim->unit;
+    }
+    for (int a = 0; a < 3; a++) d[a] = (float)((double)direction[a] * factor);
+    return true;
+}
+
+/* Largest distances from the origin to the box, along each axis. For a tree over instances the sizes of
+   origin and box take their place: transforms round relative to these. */
+HYI_INLINE float hyi_reach(const hyi_box *box, float origin, int axis, bool loose) {
+    float below = fabsf(box->lower[axis] - origin), above = fabsf(box->upper[axis] - origin);
+    if (loose) {
+        below = 4.0f * (fabsf(box->lower[axis]) + fabsf(origin));
+        above = 4.0f * (fabsf(box->upper[axis]) + fabsf(origin));
+    }
+    return below > above ? below : above;
+}
+
+/* Slabs. A sheared corner is off by at most 4 x 2^-24 of its distance across plus along the ray, t by a few
+   ulps of the distance: 2^-20 covers both and the rounding of the slabs themselves. Adding 2^-23 of the
+   origin makes the sum really move. A direction of (nearly) zero becomes 2^-120: slabs are never NaN,
+   and an origin on a plane lies inside by the bound. */
+HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, const float *d, bool loose) {
+    float along = hyi_reach(box, o[aim->axis[2]], (int)aim->axis[2], loose);
+    for (int a = 0; a < 3; a++) {
+        float bound = HYI_SLAB_BOUND * (hyi_reach(box, o[a], a, loose) + along) + HYI_ULP * fabsf(o[a]);
+        float steady = fabsf(d[a]) >= HYI_STEADY ? d[a] : d[a] < 0.0f ? -HYI_STEADY : HYI_STEADY;
+        bool falls = steady < 0.0f;
+        aim->inverse[a] = 1.0f / steady;
+        aim->near_origin[a] = falls ? o[a] - bound : o[a] + bound;
+        aim->far_origin[a] = falls ? o[a] + bound : o[a] - bound;
+        aim->near_plane[a] = 2u * (uint32_t)a + (falls ? 1u : 0u);
+    }
+}
+
+HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
+    uint32_t z = fabsf(d[0]) >= fabsf(d[1]) ? 0u : 1u;
+    z = fabsf(d[2]) > fabsf(d[z]) ? 2u : z;
+    aim->axis[0] = z == 2u ? 0u : z + 1u;
+    aim->axis[1] = z == 0u ? 2u : z - 1u;
+    aim->axis[2] = z;
+    for (int a = 0; a < 3; a++) aim->origin[a] = o[aim->axis[a]];
+    aim->shear[0] = d[aim->axis[0]] / d[z];
+    aim->shear[1] = d[aim->axis[1]] / d[z];
+    aim->inverse_z = 1.0 / (double)d[z];
+}
+
+/* The farthest t worth visiting, rounded outwards. */
+HYI_INLINE void hyi_aim_limit(hyi_aim *aim, float t) {
+    float here = (float)((double)(t < FLT_MAX ? t : FLT_MAX) * aim->inverse_unit);
+    aim->t_far = here + (2.0f * HYI_ULP) * fabsf(here);
+}
+
+/* Makes a ray ready for a tree that is not empty; false: it has no direction and hits nothing. */
+HYI_NOINLINE bool hyi_aim_at(hyi_aim *aim, const hyi_bvh *bvh, const float *origin, const float *direction,
+                             float t_min, float t_max, bool loose) {
+    float o[3], d[3];
+    if (!hyi_scale_ray(aim, bvh->scale, origin, direction, o, d)) return false;
+    hyi_aim_shear(aim, o, d);
+    hyi_aim_slabs(aim, &bvh->scaled, o, d, loose);
+    float here = (float)((double)t_min * aim->inverse_unit);
+    aim->t_near = here - (2.0f * HYI_ULP) * fabsf(here);
+    hyi_aim_limit(aim, t_max);
+    return true;
+}
+
+/* ---- the test */
+
+/* One corner in the sheared frame: x and y. row: the first float of the corner's x in the leaf. */
+HYI_INLINE void hyi_shear_corner(const hyi_aim *aim, const float *row, uint32_t stride, float *x, float *y) {
+    float z = hyi_rounded(row[aim->axis[2] * stride] - aim->origin[2]);
+    *x = hyi_rounded(hyi_rounded(row[aim->axis[0] * stride] - aim->origin[0]) - hyi_rounded(aim->shear[0] * z));
+    *y = hyi_rounded(hyi_rounded(row[aim->axis[1] * stride] - aim->origin[1]) - hyi_rounded(aim->shear[1] * z));
+}
+
+/* p q - r s of floats: rounded once. */
+HYI_INLINE double hyi_cross_exact(float p, float q, float r, float s) {
+    return (double)p * (double)q - (double)r * (double)s;
+}
+
+/* Whether the ray meets triangle lane of a leaf within its limits: t in units of the ray, u, v. Any flag of
+   the compiler may reorder the last steps, but there is one copy of them. */
+HYI_NOINLINE bool hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float *t, float *u, float *v) {
+    float ax, ay, bx, by, cx, cy;
+    rows += lane;
+    hyi_shear_corner(aim, rows, stride, &ax, &ay);
+    hyi_shear_corner(aim, rows + 3u * stride, stride, &bx, &by);
+    hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
+    double a = hyi_cross_exact(cx, by, cy, bx), b = hyi_cross_exact(ax, cy, ay, cx), c = hyi_cross_exact(bx, ay, by, ax);
+    if ((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) return false;
+    double sum = a + b + c;
+    if (sum == 0.0) return false;
+    const float *z = rows + aim->axis[2] * stride;
+    double origin = (double)aim->origin[2];
+    double distance = a * ((double)z[0] - origin) + b * ((double)z[3u * stride] - origin) + c * ((double)z[6u * stride] - origin);
+    double inverse = 1.0 / sum;
+    *t = (float)(distance * inverse * aim->inverse_z * aim->unit);
+    *u = (float)(b * inverse);
+    *v = (float)(c * inverse);
+    return true;
+}
+
+/* Ties of equal t go to the smaller instance, then the smaller primitive; t_max itself counts as a hit. */
+HYI_INLINE bool hyi_beats(const hyi_best *best, float t, uint32_t instance, uint32_t primitive) {
+    if (t != best->t) return t < best->t;
+    return instance != best->instance ? instance < best->instance : primitive < best->primitive;
+}
+
+#endif /* HYI_BVH_TRIANGLE_H */

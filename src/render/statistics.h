@@ -1,0 +1,253 @@
+/* >>render-statistics: standard errors of pixels, error of the picture, status
+
+   The scatter of a pixel's samples overstates its error, because scrambled Sobol points spread out more evenly than
+   random ones. The two halves of the samples are independent, so the square of their difference, over 4, is an unbiased
+   estimate of the variance of their mean, but a very rough one. Both together: the scatter says how error is shared out
+   among the pixels of an 8x8 block, the halves say how much there is in all. */
+#ifndef HYI_STATISTICS_H
+#define HYI_STATISTICS_H
+
+#include "render.h"
+
+#define HYI_BLOCK 8u
+#define HYI_PRIOR_PIXELS 8.0   /* weight of "the scatter is right" against the block's halves */
+#define HYI_PRIOR_SAMPLES 4.0  /* weight of the block's mean scatter against a pixel's own */
+
+typedef struct hyi_block_pixel {
+    size_t index;
+    double mean[3], half_square[3]; /* (a - b)^2 / 4 by channel */
+    double luminance, luminance_half_square;
+    double scatter;                 /* variance of the mean, from the samples */
+} hyi_block_pixel;
+
+typedef struct hyi_block {
+    hyi_block_pixel pixels[HYI_BLOCK * HYI_BLOCK];
+    uint32_t count;
+    double scale[3], luminance_scale; /* variance of a channel, luminance = scale x smoothed scatter */
+    double mean_scatter;
+} hyi_block;
+
+HYI_FN hyi_block_pixel hyi_measure_pixel(const hyi_film *film, uint32_t x, uint32_t y) {
+    hyi_block_pixel p;
+    p.index = hyi_pixel_index(film, x, y);
+    const hyi_tile *tile = &film->tiles[hyi_pixel_tile(film, x, y)];
+    const hyi_pixel *pixel = &film->pixels[p.index];
+    double a[3], b[3], na = (double)tile->reported[0], nb = (double)tile->reported[1], n = na + nb;
+    hyi_half_mean(film, tile, p.index, 0, a);
+    hyi_half_mean(film, tile, p.index, 1, b);
+    hyi_mean_of_halves(tile, a, b, p.mean);
+    for (int i = 0; i < 3; i++) p.half_square[i] = 0.25 * (a[i] - b[i]) * (a[i] - b[i]);
+    p.luminance = hyi_wide_luminance(p.mean);
+    double difference = hyi_wide_luminance(a) - hyi_wide_luminance(b);
+    p.luminance_half_square = 0.25 * difference * difference;
+    double sum = na * hyi_wide_luminance(a) + nb * hyi_wide_luminance(b);
+    double squares = hyi_lanes_value(pixel->square, pixel->square_top);
+    double variance = n > 1.0 ? fmax(squares - sum * sum / n, 0.0) / (n - 1.0) : 0.0;
+    p.scatter = na > 0.0 && nb > 0.0 ? 0.25 * (variance / na + variance / nb) : 0.0;
+    return p;
+}
+
+/* Variance of a pixel in units of the block's calibration: its scatter, drawn to the block's mean while samples are few. */
+HYI_FN double hyi_smoothed_scatter(const hyi_film *film, const hyi_block *block, const hyi_block_pixel *p) {
+    const hyi_tile *tile = &film->tiles[p->index / film->tile_pixels];
+    double n = (double)(tile->reported[0] + tile->reported[1]);
+    return (n * p->scatter + HYI_PRIOR_SAMPLES * block->mean_scatter) / (n + HYI_PRIOR_SAMPLES);
+}
+
+HYI_FN double hyi_block_scale(double halves, double scatter, double count, double prior) {
+    double weight = HYI_PRIOR_PIXELS / count;
+    return scatter > 0.0 ? (halves + weight * prior * scatter) / (scatter + weight * scatter) : 0.0;
+}
+
+HYI_FN void hyi_calibrate_block(hyi_block *block) {
+    double scatter = 0.0, luminance = 0.0, halves = 0.0, channel[3] = { 0, 0, 0 }, channel_halves[3] = { 0, 0, 0 };
+    double count = (double)block->count;
+    for (uint32_t i = 0; i < block->count; i++) {
+        const hyi_block_pixel *p = &block->pixels[i];
+        scatter += p->scatter;
+        luminance += p->luminance * p->luminance;
+        halves += p->luminance_half_square;
+        for (int c = 0; c < 3; c++) {
+            channel[c] += p->mean[c] * p->mean[c];
+            channel_halves[c] += p->half_square[c];
+        }
+    }
+    block->mean_scatter = count > 0.0 ? scatter / count : 0.0;
+    block->luminance_scale = hyi_block_scale(halves, scatter, count, 1.0);
+    for (int c = 0; c < 3; c++) block->scale[c] = hyi_block_scale(channel_halves[c], scatter, count, luminance > 0.0 ? channel[c] / luminance : 1.0);
+}
+
+/* The 8x8 block of the frame that starts at (x, y), as far as it lies in the region. */
+HYI_FN void hyi_measure_block(const hyi_film *film, uint32_t x, uint32_t y, hyi_block *block) {
+    uint32_t x0 = x > film->left ? x : film->left, y0 = y > film->top ? y : film->top;
+    uint32_t x1 = x + HYI_BLOCK < film->right ? x + HYI_BLOCK : film->right, y1 = y + HYI_BLOCK < film->bottom ? y + HYI_BLOCK : film->bottom;
+    block->count = 0;
+    for (uint32_t j = y0; j < y1; j++)
+        for (uint32_t i = x0; i < x1; i++) block->pixels[block->count++] = hyi_measure_pixel(film, i, j);
+    hyi_calibrate_block(block);
+}
+
+/* Standard error of pixel i of a block, by channel. */
+HYI_FN void hyi_pixel_error(const hyi_film *film, const hyi_block *block, uint32_t i, float error[3]) {
+    double scatter = hyi_smoothed_scatter(film, block, &block->pixels[i]);
+    for (int c = 0; c < 3; c++) error[c] = (float)sqrt(block->scale[c] * scatter);
+}
+
+HYI_FN bool hyi_is_heavy(const hyi_film *film, size_t index) {
+    const hyi_pixel *pixel = &film->pixels[index];
+    const hyi_tile *tile = &film->tiles[index / film->tile_pixels];
+    double sum = 0.0, n = (double)(tile->reported[0] + tile->reported[1]);
+    for (int half = 0; half < 2; half++) {
+        double mean[3];
+        hyi_half_mean(film, tile, index, half, mean);
+        sum += hyi_wide_luminance(mean) * (double)tile->reported[half];
+    }
+    return n >= 64.0 && (double)pixel->largest > 0.1 * sum && (double)pixel->largest > 20.0 * sum / n;
+}
+
+/* ---- the picture */
+
+typedef struct hyi_error_sums {
+    double ratio, ratio_square; /* of blocks: mean over pixels of (a - b)^2 / 4 / max(mean, L / 10)^2, as a sum and squared */
+    double blocks, pixels;
+    uint64_t heavy, dropped;
+} hyi_error_sums;
+
+HYI_FN void hyi_add_block_error(const hyi_film *film, const hyi_block *block, double brightness, hyi_error_sums *sums) {
+    double sum = 0.0;
+    for (uint32_t i = 0; i < block->count; i++) {
+        const hyi_block_pixel *p = &block->pixels[i];
+        double scale = fmax(p->luminance, HYI_DARK_SHARE * brightness);
+        double variance = block->luminance_scale > 0.0 ? block->luminance_scale * hyi_smoothed_scatter(film, block, p) : p->luminance_half_square;
+        if (scale > 0.0) sum += variance / (scale * scale);
+        sums->heavy += hyi_is_heavy(film, p->index) ? 1u : 0u;
+        sums->dropped += film->pixels[p->index].dropped;
+    }
+    sums->ratio += sum;
+    sums->ratio_square += sum * sum;
+    sums->blocks += 1.0;
+    sums->pixels += (double)block->count;
+}
+
+HYI_FN double hyi_brightness(const hyi_film *film) {
+    double sum = 0.0;
+    for (uint32_t y = film->top; y < film->bottom; y++)
+        for (uint32_t x = film->left; x < film->right; x++) {
+            double mean[3];
+            hyi_pixel_mean(film, &film->tiles[hyi_pixel_tile(film, x, y)], hyi_pixel_index(film, x, y), mean);
+            sum += hyi_wide_luminance(mean);
+        }
+    return sum / ((double)(film->right - film->left) * (double)(film->bottom - film->top));
+}
+
+HYI_FN uint32_t hyi_align_down(uint32_t x) { return x - x % HYI_BLOCK; }
+
+/* The squared error is a sum over blocks that hardly depend on each other; its own scatter over the blocks gives the
+   interval: of the estimate, and once more as much for the real squared error, which scatters about its mean alike. */
+HYI_FN void hyi_make_report(hydra_render *r) {
+    double start = hyi_seconds();
+    const hyi_film *film = &r->film;
+    hyi_error_sums sums;
+    memset(&sums, 0, sizeof sums);
+    double brightness = hyi_brightness(film);
+    for (uint32_t y = hyi_align_down(film->top); y < film->bottom; y += HYI_BLOCK)
+        for (uint32_t x = hyi_align_down(film->left); x < film->right; x += HYI_BLOCK) {
+            hyi_block block;
+            hyi_measure_block(film, x, y, &block);
+            hyi_add_block_error(film, &block, brightness, &sums);
+        }
+    double square = sums.ratio / sums.pixels, spread = square * sqrt(2.0 / fmin(sums.pixels, 64.0));
+    if (sums.blocks > 1.5) {
+        double mean = sums.ratio / sums.blocks;
+        spread = sqrt(fmax(sums.ratio_square / sums.blocks - mean * mean, 0.0) / (sums.blocks - 1.0)) * sums.blocks / sums.pixels;
+        spread = fmax(spread, square * sqrt(2.0 / sums.pixels)); /* no less than that of independent normal pixels */
+    }
+    double reach = 1.96 * sqrt(2.0) * spread;
+    r->report.error = sqrt(square);
+    r->report.low = sqrt(fmax(square - reach, 0.0));
+    r->report.high = sqrt(square + reach);
+    r->report.heavy_pixels = sums.heavy;
+    r->report.dropped_samples = sums.dropped;
+    r->report.made_at = r->seconds;
+    r->report.cost = hyi_seconds() - start;
+}
+
+/* Made anew when the render is done, or when the last one's cost is under a twentieth of the time since. */
+HYI_FN void hyi_refresh_report(hydra_render *r) {
+    bool stale = r->report.made_at < 0.0 || (r->seconds > r->report.made_at && (r->done || r->seconds - r->report.made_at > 20.0 * r->report.cost));
+    if (stale) hyi_make_report(r);
+}
+
+/* ---- status */
+
+HYI_FN void hyi_sum_counters(const hydra_render *r, hydra_status *status) {
+    for (uint32_t i = 0; i < r->workers; i++) {
+        const hyi_counters *c = &r->batches[i].counters;
+        status->rays_camera += c->rays_camera;
+        status->rays_bounce += c->rays_bounce;
+        status->rays_shadow += c->rays_shadow;
+        status->paths += c->paths;
+        status->seconds_generate += c->generate;
+        status->seconds_intersect += c->intersect;
+        status->seconds_shade += c->shade;
+        status->seconds_shadow += c->shadow;
+        status->seconds_accumulate += r->accumulate[i];
+    }
+}
+
+/* Share of the work that a tile has behind it, if error falls with the root of the samples. */
+HYI_FN double hyi_tile_fraction(const hyi_schedule *s, const hyi_film *film, size_t index) {
+    const hyi_tile *tile = &film->tiles[index];
+    if (hyi_tile_is_done(s, tile)) return 1.0;
+    double fraction = (double)tile->chunks / (double)s->total_chunks;
+    if (!(s->target > 0.0f) || !tile->judged) return fraction;
+    double n = 0.5 * (double)tile->taken, pixels = (double)hyi_tile_inside(film, index);
+    double variance = fmax(hyi_sum_value(&tile->statistic[0]), hyi_sum_value(&tile->statistic[1])) / ((double)tile->judged * pixels);
+    double square = variance / (2.0 * n), target = (double)s->target * (double)s->target;
+    return fmax(fraction, square > target ? target / square : 0.99);
+}
+
+HYI_FN void hyi_measure_progress(const hydra_render *r, hydra_status *status) {
+    const hyi_film *film = &r->film;
+    double sum = 0.0, samples = 0.0, pixels = 0.0;
+    size_t tiles = hyi_film_tile_count(film);
+    bool first_pass = false;
+    for (size_t i = 0; i < tiles; i++) {
+        double inside = (double)hyi_tile_inside(film, i);
+        sum += hyi_tile_fraction(&r->schedule, film, i);
+        samples += inside * (double)(film->tiles[i].reported[0] + film->tiles[i].reported[1]);
+        pixels += inside;
+        if (film->tiles[i].chunks == 0) first_pass = true;
+        if (!hyi_tile_is_done(&r->schedule, &film->tiles[i])) status->tiles_active += 1.0;
+    }
+    status->tiles_total = (double)tiles;
+    status->samples = samples / pixels;
+    status->fraction = sum / (double)tiles;
+    status->stage = r->done ? HYDRA_STAGE_DONE : first_pass ? HYDRA_STAGE_FIRST_PASS : HYDRA_STAGE_REFINING;
+    if (r->desc.time_budget > 0.0) status->fraction = fmax(status->fraction, fmin(r->seconds / r->desc.time_budget, 1.0));
+    if (r->done) status->fraction = 1.0;
+}
+
+HYDRA_API hydra_status hydra_render_status(hydra_render *render) {
+    hydra_status status;
+    memset(&status, 0, sizeof status);
+    if (!render) return status;
+    hyi_measure_progress(render, &status);
+    status.seconds = render->seconds;
+    status.seconds_left = status.fraction > 0.0 ? render->seconds * (1.0 - status.fraction) / status.fraction : HUGE_VAL;
+    status.error = status.error_low = status.error_high = HUGE_VAL;
+    if (status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0) {
+        hyi_refresh_report(render);
+        status.error = render->report.error;
+        status.error_low = render->report.low;
+        status.error_high = render->report.high;
+        status.heavy_pixels = render->report.heavy_pixels;
+        status.dropped_samples = render->report.dropped_samples;
+    }
+    hyi_sum_counters(render, &status);
+    status.bytes_film = hyi_film_bytes(&render->film) + hyi_schedule_bytes(&render->film, render->desc.target_error > 0.0f);
+    status.bytes_lanes = render->workers * hyi_worker_bytes(&render->film);
+    return status;
+}
+
+#endif /* HYI_STATISTICS_H */

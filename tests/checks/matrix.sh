@@ -1,0 +1,130 @@
+#!/bin/bash
+# hydra.h under many compilers, standards and settings, with every warning an error, and in the company that
+# users put it in: macros of windows.h, other headers before and after, twice in a file, in two files.
+. "$(dirname "$0")/common.sh"
+header=${HYDRA_HEADER:-$PWD/hydra.h}
+[ -f "$header" ] || { wrong "$header is missing"; finish; }
+include="-include $header -DHYDRA_IMPLEMENTATION"
+list=$scratch/list
+: > "$list"
+add() { printf '%s|%s\n' "$1" "$2" >> "$list"; }
+
+compile() { # name, compiler, standard, flags, file without suffix: one compilation to nowhere
+    local language=c with=$warnings_c driver=$2
+    case $3 in c++* | gnu++*)
+        language=c++ with=$warnings
+        driver=${driver/gcc/g++} driver=${driver/clang/clang++} ;;
+    esac
+    add "$1" "$driver -std=$3 $with $4 -x $language -c $5 -o /dev/null"
+}
+
+# ---- sources
+
+printf '#define HYDRA_IMPLEMENTATION\n#include "%s"\n' "$header" > "$scratch/whole.c"
+printf '#include "%s"\n' "$header" > "$scratch/plain.c"
+cat > "$scratch/again.c" <<C
+#include "$header"
+#define HYDRA_IMPLEMENTATION
+#include "$header"
+#include "$header"
+#undef HYDRA_IMPLEMENTATION
+#include "$header"
+C
+cat > "$scratch/before.c" <<C
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <math.h>
+#include <errno.h>
+#include <signal.h>
+#define HYDRA_IMPLEMENTATION
+#include "$header"
+C
+cat > "$scratch/after.c" <<C
+#define HYDRA_IMPLEMENTATION
+#include "$header"
+#include <stdio.h>
+#include <time.h>
+#include <errno.h>
+#include <signal.h>
+#include <setjmp.h>
+#include <ctype.h>
+C
+# What windows.h, X11 and old code define, but after the system's headers, which would not survive it either.
+{
+    printf '#include <%s>\n' stddef.h stdint.h stdbool.h float.h limits.h math.h stdarg.h stdio.h stdlib.h string.h time.h \
+        sys/time.h unistd.h pthread.h
+    printf '#ifdef __x86_64__\n#include <immintrin.h>\n#endif\n'
+    for word in near far small hyper interface IN OUT OPTIONAL CONST VOID STRICT pascal cdecl; do printf '#define %s\n' $word; done
+    printf '#define %s ((void)0)\n' I J min max
+    printf '#define min(a, b) (((a) < (b)) ? (a) : (b))\n#define max(a, b) (((a) > (b)) ? (a) : (b))\n' | sed 's/^#define \(min\|max\)(/#undef \1\n&/'
+    printf '#define %s 0\n' ERROR NULL_HANDLE TRUE FALSE True False None Always Success Status DIFFERENCE RELATIVE ABSOLUTE OK DEBUG NDEBUG
+    printf '#define %s 1\n' PI EPS EPSILON INFINITE CLAMP ALIGN LIKELY UNLIKELY ARRAY_SIZE COUNT MAX MIN ABS SWAP
+    printf '#define HYDRA_IMPLEMENTATION\n#include "%s"\n' "$header"
+} > "$scratch/hostile.c"
+cat > "$scratch/user.c" <<C
+#include "$header"
+int main(void) {
+    hydra_context *context = hydra_create(NULL);
+    return context && hydra_destroy(context) == HYDRA_OK ? 0 : 1;
+}
+C
+sed 's/#include/#define HYDRA_STATIC\n#define HYDRA_IMPLEMENTATION\n&/' "$scratch/user.c" > "$scratch/static.c"
+
+# ---- every standard, compiler and setting, without code generation
+
+for compiler in gcc clang; do
+    for standard in c99 c11 c++11 c++17; do
+        for setting in "" -DHYDRA_STATIC -DHYDRA_NO_THREADS -DHYDRA_NO_SIMD; do
+            compile "$compiler-$standard${setting:+-${setting#-DHYDRA_}}" $compiler $standard "-fsyntax-only $setting" "$scratch/whole.c"
+        done
+        compile "$compiler-$standard-plain" $compiler $standard -fsyntax-only "$scratch/plain.c"
+    done
+    for file in again before after hostile; do
+        compile "$compiler-c99-$file" $compiler c99 -fsyntax-only "$scratch/$file.c"
+        compile "$compiler-c++11-$file" $compiler c++11 -fsyntax-only "$scratch/$file.c"
+    done
+    compile "$compiler-gnu99" $compiler gnu99 -fsyntax-only "$scratch/whole.c"
+    compile "$compiler-gnu++20" $compiler gnu++20 -fsyntax-only "$scratch/whole.c"
+done
+
+# ---- with code generation, where optimisers see more (and warn more)
+
+compile gcc-c99-O0 gcc c99 -O0 "$scratch/whole.c"
+compile gcc-c99-O2 gcc c99 -O2 "$scratch/whole.c"
+compile gcc-c++17-O2 gcc c++17 -O2 "$scratch/whole.c"
+compile clang-c99-O2 clang c99 -O2 "$scratch/whole.c"
+compile clang-c++11-O2 clang c++11 -O2 "$scratch/whole.c"
+compile gcc-c11-O3-fast gcc c11 "-O3 -march=native -ffast-math" "$scratch/whole.c"
+compile clang-c++17-O3-fast clang c++17 "-O3 -march=native -ffast-math" "$scratch/whole.c"
+compile gcc-c99-O2-NO_SIMD-NO_THREADS gcc c99 "-O2 -DHYDRA_NO_SIMD -DHYDRA_NO_THREADS" "$scratch/whole.c"
+compile clang-c99-O2-STATIC clang c99 "-O2 -DHYDRA_STATIC" "$scratch/whole.c"
+
+# ---- linked: the implementation in one file and its use in another, C with C++ both ways; alone when static
+
+link() { # name, compiler of the implementation, of the user, linker
+    local object=$scratch/$1
+    add "link-$1" "$2 -O1 -c $scratch/whole.c -o $object.1.o && $3 -O1 -c $scratch/user.c -o $object.2.o && $4 $object.1.o $object.2.o -o $object -lm -pthread && $object"
+}
+link c-c "gcc -std=c99" "clang -std=c99" gcc
+link c-c++ "clang -std=c99 -x c" "g++ -std=c++11 -x c++" g++
+link c++-c "g++ -std=c++11 -x c++" "gcc -std=c99 -x c" g++
+add link-static "gcc -std=c99 $warnings_c -O1 $scratch/static.c -o $scratch/static -lm -pthread && $scratch/static"
+add link-no-threads "gcc -std=c99 $warnings_c -O1 -DHYDRA_NO_THREADS $scratch/static.c -o $scratch/unthreaded -lm && $scratch/unthreaded && ! nm -u $scratch/unthreaded | grep pthread"
+
+# ---- other machines, where this one can compile for them
+
+other() { # name, compiler: as C99
+    if printf '#include <stdio.h>\n#include <math.h>\n' | $2 -x c -fsyntax-only - 2> /dev/null; then
+        add "$1" "$2 -std=c99 $warnings_c -O1 -c $scratch/whole.c -o /dev/null"
+    else
+        echo "matrix: not checked for want of a toolchain: $1 ($2)"
+    fi
+}
+other 32-bit "gcc -m32"
+other aarch64 aarch64-linux-gnu-gcc
+other windows x86_64-w64-mingw32-gcc
+
+run_all < "$list"
+finish "$jobs_run compilations"

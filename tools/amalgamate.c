@@ -1,0 +1,299 @@
+/* Makes hydra.h from its parts.
+
+       amalgamate OUTPUT      run in the root of the repository
+       amalgamate --list      prints the parts, one a line, in their order
+
+   The concatenation is verbatim but for local #include lines, which are dropped, and it depends on
+   nothing but the parts: no date, no path of this machine. It stops with a message when a part is
+   missing, has no mark in its first line, stands twice in the list, or includes a file that is not
+   in the list before it: so the order below is also the proof that arrows only point down. */
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The document and the declarations. */
+static const char *const header_part = "src/api.h";
+
+/* The implementation, every file after those it includes. The one place where this order stands. */
+static const char *const parts[] = {
+    /* base: what the machine and the compiler offer */
+    "src/base/platform.h",
+    "src/base/context.h",
+    "src/base/threads.h",
+    "src/base/create.h",
+    /* shared: what C and GLSL compute alike */
+    "shaders/shared/language.h",
+    "shaders/shared/vector.h",
+    "shaders/shared/layouts.h",
+    "shaders/shared/light_layouts.h",
+    "shaders/shared/views.h",
+    "shaders/shared/texture.h",
+    "shaders/shared/sampler.h",
+    "shaders/shared/sampling.h",
+    "shaders/shared/alpha.h",
+    "shaders/shared/shape.h",
+    "shaders/shared/surface.h",
+    "shaders/shared/fresnel.h",
+    "shaders/shared/microfacet.h",
+    "shaders/shared/energy.h",
+    "shaders/shared/bsdf_layers.h",
+    "shaders/shared/bsdf_lobes.h",
+    "shaders/shared/bsdf.h",
+    "shaders/shared/surface_light.h",
+    "shaders/shared/emission.h",
+    "shaders/shared/environment.h",
+    "shaders/shared/light_tree.h",
+    "shaders/shared/light.h",
+    "shaders/shared/camera.h",
+    "shaders/shared/path.h",
+    /* bvh: building, and traversal by instruction set */
+    "src/bvh/layout.h",
+    "src/bvh/build_refs.h",
+    "src/bvh/build_split.h",
+    "src/bvh/build_tree.h",
+    "src/bvh/triangle.h",
+    "src/bvh/walk.h",
+    "src/bvh/traverse_avx2.h",
+    "src/bvh/traverse_neon.h",
+    "src/bvh/traverse_scalar.h",
+    "src/bvh/build_collapse.h",
+    "src/bvh/build.h",
+    "src/bvh/trace.h",
+    /* scene: what the caller described, checked and committed */
+    "src/scene/scene.h",
+    "src/scene/validate.h",
+    "src/scene/materials.h",
+    "src/scene/meshes.h",
+    "src/scene/textures.h",
+    "src/scene/energy_tables.h",
+    "src/scene/environment.h",
+    "src/scene/light_tree.h",
+    "src/scene/lights.h",
+    "src/scene/commit.h",
+    "src/scene/queries.h",
+    /* backend: what passes run on */
+    "src/backend/chunk.h",
+    "src/backend/cpu.h",
+    /* render: sensors, film, passes */
+    "src/render/exact_sum.h",
+    "src/render/film.h",
+    "src/render/adaptive.h",
+    "src/render/sensor.h",
+    "src/render/render.h",
+    "src/render/statistics.h",
+    "src/render/read.h",
+    "src/render/share.h",
+    "src/render/estimate.h",
+};
+
+static const char *const license_file = "LICENSE";
+enum { part_count = sizeof parts / sizeof parts[0], path_size = 512 };
+
+#if defined(__GNUC__) || defined(__clang__)
+__attribute__((noreturn, format(printf, 1, 2)))
+#endif
+static void stop(const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    fputs("amalgamate: ", stderr);
+    vfprintf(stderr, format, arguments);
+    fputc('\n', stderr);
+    va_end(arguments);
+    exit(1);
+}
+
+/* The whole file, ending in a newline and a zero. The caller frees it. */
+static char *read_file(const char *path) {
+    FILE *file = fopen(path, "rb");
+    if (!file) stop("cannot open %s (run this in the root of the repository)", path);
+    size_t size = 0, capacity = 1 << 16;
+    char *text = NULL;
+    for (;;) {
+        text = (char *)realloc(text, capacity + 2);
+        if (!text) stop("no memory for %s", path);
+        size += fread(text + size, 1, capacity - size, file);
+        if (size < capacity) break;
+        capacity *= 2;
+    }
+    if (ferror(file)) stop("cannot read %s", path);
+    fclose(file);
+    if (memchr(text, 0, size)) stop("%s holds a zero byte", path);
+    if (memchr(text, '\r', size)) stop("%s holds a carriage return", path);
+    if (size == 0) stop("%s is empty", path);
+    if (text[size - 1] != '\n') text[size++] = '\n';
+    text[size] = 0;
+    return text;
+}
+
+static size_t line_length(const char *line) {
+    return (size_t)(strchr(line, '\n') - line) + 1;
+}
+
+/* ---- directives */
+
+/* What follows "# name" in a line that is this directive, else NULL. */
+static const char *after_directive(const char *line, const char *name) {
+    line += strspn(line, " \t");
+    if (*line++ != '#') return NULL;
+    line += strspn(line, " \t");
+    size_t length = strlen(name);
+    if (strncmp(line, name, length) != 0) return NULL;
+    line += length;
+    return *line == ' ' || *line == '\t' || *line == '"' || *line == '\n' ? line + strspn(line, " \t") : NULL;
+}
+
+/* For #include "name": copies the name and says true. */
+static bool local_include(const char *line, char name[path_size]) {
+    const char *at = after_directive(line, "include");
+    if (!at || *at != '"') return false;
+    size_t length = strcspn(at + 1, "\"\n");
+    if (at[1 + length] != '"' || length >= path_size) stop("cannot read this line: %.*s", (int)line_length(line) - 1, line);
+    memcpy(name, at + 1, length);
+    name[length] = 0;
+    return true;
+}
+
+/* name as seen from the folder of the part from, without any "." or "..". */
+static void resolve(const char *from, const char *name, char path[path_size]) {
+    const char *slash = strrchr(from, '/');
+    size_t used = slash ? (size_t)(slash - from) : 0;
+    if (used + strlen(name) + 2 > path_size) stop("path too long: %s in %s", name, from);
+    memcpy(path, from, used);
+    while (*name) {
+        size_t step = strcspn(name, "/");
+        if (step == 2 && !strncmp(name, "..", 2)) {
+            if (used == 0) stop("%s leaves the repository", from);
+            while (used && path[used - 1] != '/') used--;
+            if (used) used--;
+        } else if (!(step == 1 && *name == '.')) {
+            if (used) path[used++] = '/';
+            memcpy(path + used, name, step);
+            used += step;
+        }
+        name += step;
+        if (*name == '/') name++;
+    }
+    path[used] = 0;
+}
+
+/* A part may include the header and the parts before it. */
+static void check_include(int index, const char *name) {
+    char path[path_size];
+    resolve(parts[index], name, path);
+    if (!strcmp(path, header_part)) return;
+    for (int i = 0; i < part_count; i++) {
+        if (strcmp(path, parts[i]) != 0) continue;
+        if (i < index) return;
+        stop("%s includes %s, which stands %s", parts[index], path, i == index ? "for itself" : "behind it in the list of parts");
+    }
+    stop("%s includes %s, which is not in the list of parts", parts[index], path);
+}
+
+/* ---- marks: the first line of a part is its mark: slash, star, blank, two > signs, name: what it is */
+
+typedef struct mark {
+    char name[64];
+    char what[160];
+} mark;
+
+static mark read_mark(const char *path, const char *text) {
+    static const char opening[] = "/* >>";
+    mark m;
+    const char *colon = strchr(text, ':');
+    if (strncmp(text, opening, sizeof opening - 1) != 0 || !colon || colon > strchr(text, '\n'))
+        stop("%s does not begin with %sname: what it is", path, opening);
+    const char *name = text + sizeof opening - 1;
+    snprintf(m.name, sizeof m.name, "%.*s", (int)(colon - name), name);
+    const char *what = colon + 1 + strspn(colon + 1, " ");
+    size_t length = strcspn(what, "\n");
+    if (length >= 3 && !strncmp(what + length - 2, "*/", 2)) length -= 2;
+    while (length && what[length - 1] == ' ') length--;
+    if (length == 0 || length >= sizeof m.what) stop("the mark of %s says nothing, or too much", path);
+    snprintf(m.what, sizeof m.what, "%.*s", (int)length, what);
+    return m;
+}
+
+/* ---- output */
+
+/* A block that guards nothing but a local include is dropped with it: its first line. */
+static bool guards_only_include(const char *line) {
+    char name[path_size];
+    if (!after_directive(line, "ifndef") && !after_directive(line, "ifdef") && !after_directive(line, "if")) return false;
+    const char *second = line + line_length(line);
+    if (!*second || !local_include(second, name)) return false;
+    const char *third = second + line_length(second);
+    return *third && after_directive(third, "endif") != NULL;
+}
+
+static void write_part(FILE *out, int index, const char *text) {
+    char name[path_size];
+    bool blank = true, dropped = false;
+    fputc('\n', out);
+    for (const char *line = text; *line; line += line_length(line)) {
+        bool block = guards_only_include(line);
+        if (block) line += line_length(line);
+        if (local_include(line, name)) {
+            check_include(index, name);
+            if (block) line += line_length(line);
+            dropped = true;
+            continue;
+        }
+        bool empty = *line == '\n';
+        if (empty && blank && dropped) continue; /* dropped lines leave one blank line, not two */
+        if (!empty) dropped = false;
+        blank = empty;
+        fwrite(line, 1, line_length(line), out);
+    }
+}
+
+static void write_contents(FILE *out, char *const texts[]) {
+    fputs("/* The implementation, part by part; search for a mark to get there.\n\n", out);
+    for (int i = 0; i < part_count; i++) {
+        mark m = read_mark(parts[i], texts[i]);
+        for (int j = 0; j < i; j++) {
+            if (!strcmp(m.name, read_mark(parts[j], texts[j]).name)) stop("%s and %s have one mark", parts[j], parts[i]);
+        }
+        fprintf(out, "     >>%-24s %s\n", m.name, m.what);
+    }
+    fputs("*/\n", out);
+}
+
+static void write_header(FILE *out, const char *api, char *const texts[], const char *license) {
+    fputs("/* hydra.h is generated from src/ and shaders/shared/ by `make hydra.h`. Edit those, not this. */\n\n", out);
+    fputs(api, out);
+    fputs("\n/* ================================================================ end of the API */\n\n"
+          "#if defined(HYDRA_IMPLEMENTATION) && !defined(HYI_IMPLEMENTED)\n#define HYI_IMPLEMENTED\n\n", out);
+    write_contents(out, texts);
+    for (int i = 0; i < part_count; i++) write_part(out, i, texts[i]);
+    fputs("\n#endif /* HYDRA_IMPLEMENTATION */\n\n/*\n", out);
+    fputs(license, out);
+    fputs("*/\n", out);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) stop("usage: amalgamate OUTPUT, or amalgamate --list");
+    if (!strcmp(argv[1], "--list")) {
+        puts(header_part);
+        for (int i = 0; i < part_count; i++) puts(parts[i]);
+        return 0;
+    }
+    char *texts[part_count], name[path_size];
+    char *api = read_file(header_part), *license = read_file(license_file);
+    for (const char *line = api; *line; line += line_length(line)) {
+        bool recipe = local_include(line, name) && !strcmp(name, "hydra.h"); /* how to use it, in the document */
+        if (local_include(line, name) && !recipe) stop("%s must not include %s", header_part, name);
+    }
+    if (strstr(license, "*/")) stop("%s ends the comment it stands in", license_file);
+    for (int i = 0; i < part_count; i++) texts[i] = read_file(parts[i]);
+    FILE *out = fopen(argv[1], "wb");
+    if (!out) stop("cannot write %s", argv[1]);
+    write_header(out, api, texts, license);
+    bool failed = ferror(out) != 0;
+    if (fclose(out) != 0 || failed) stop("cannot write %s", argv[1]);
+    for (int i = 0; i < part_count; i++) free(texts[i]);
+    free(license);
+    free(api);
+    return 0;
+}
