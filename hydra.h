@@ -86,7 +86,9 @@ REFERENCES are named where the method stands in the implementation.
 #define HYDRA_VERSION_MINOR 1
 
 #ifndef HYDRA_API
-#if defined(HYDRA_STATIC)
+#if defined(HYDRA_STATIC) && defined(__GNUC__)
+#define HYDRA_API static __attribute__((unused))
+#elif defined(HYDRA_STATIC)
 #define HYDRA_API static
 #else
 #define HYDRA_API extern
@@ -683,6 +685,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>render-read              outputs, pixel by pixel
      >>render-share             films saved, resumed and added up
      >>render-estimate          what a render would take, by the very functions that will take it
+     >>selftest                 known answers, asked on the user's own machine through the public calls
 */
 
 /* >>base-platform: compiler, instruction sets, atomics, threads, time */
@@ -765,14 +768,8 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
     } while (0)
 
 #define HYI_COUNT(array) (sizeof(array) / sizeof((array)[0]))
-#define HYI_CONCAT2(a, b) a##b
-#define HYI_CONCAT(a, b) HYI_CONCAT2(a, b)
-#define HYI_STATIC_ASSERT(condition) typedef char HYI_CONCAT(hyi_assert_, __LINE__)[(condition) ? 1 : -1] HYI_UNUSED_TYPE
-#if HYI_GNU
-#define HYI_UNUSED_TYPE __attribute__((unused))
-#else
-#define HYI_UNUSED_TYPE
-#endif
+/* A declaration that may be repeated, of a function that is never defined. */
+#define HYI_STATIC_ASSERT(condition) extern void hyi_assert_holds(char (*)[(condition) ? 1 : -1])
 
 /* A product kept as its own rounded value: with FMA or fast-math the compiler would otherwise merge it
    into a following sum. Costs no instruction. */
@@ -1415,7 +1412,11 @@ HYK_FN hyk_uint hyk_min_uint(hyk_uint a, hyk_uint b) { return a < b ? a : b; }
 HYK_FN hyk_uint hyk_max_uint(hyk_uint a, hyk_uint b) { return a > b ? a : b; }
 HYK_FN hyk_uint hyk_float_bits(float x) { hyk_uint r; memcpy(&r, &x, sizeof r); return r; }
 HYK_FN float hyk_bits_float(hyk_uint x) { float r; memcpy(&r, &x, sizeof r); return r; }
+#if HYK_REAL_IS_FLOAT /* by the exponent's bits: fast-math assumes comparisons with NaN away */
+HYK_FN hyk_bool hyk_is_finite(hyk_real x) { return (hyk_float_bits(x) & 0x7f800000u) != 0x7f800000u; }
+#else
 HYK_FN hyk_bool hyk_is_finite(hyk_real x) { return hyk_abs(x) <= HYK_REAL_MAX; }
+#endif
 HYK_FN hyk_uint hyk_reverse_bits(hyk_uint x) {
     x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
     x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
@@ -2472,17 +2473,19 @@ HYK_FN hyk_real hyk_refracted_cosine(hyk_real cos_o, hyk_real eta) {
     return hyk_safe_sqrt(cos_o * cos_o + (eta - 1.0f) * (eta + 1.0f));
 }
 
-/* Unpolarised reflectance of a dielectric. With e = eta^2 - 1 and g = eta cos_t the amplitudes are
+/* Unpolarised reflectance of a dielectric, of both cosines, g = eta cos_t. With e = eta^2 - 1 the amplitudes are
    r_s = -e / (cos_o + g)^2 and r_p = e (cos_o^2 (eta^2 + 1) - 1) / (eta^2 cos_o + g)^2. */
-HYK_FN hyk_real hyk_fresnel_dielectric(hyk_real cos_o, hyk_real eta) {
-    hyk_real c = hyk_saturate(cos_o);
+HYK_FN hyk_real hyk_fresnel_of_pair(hyk_real c, hyk_real g, hyk_real eta) {
     hyk_real e = (eta - 1.0f) * (eta + 1.0f);
-    hyk_real g = hyk_refracted_cosine(c, eta);
     if (!(g > 0.0f)) return e == 0.0f ? 0.0f : 1.0f;
     hyk_real s = c + g, p = eta * eta * c + g;
     hyk_real r_s = e / (s * s);
     hyk_real r_p = e * (c * c * (eta * eta + 1.0f) - 1.0f) / (p * p);
     return hyk_min(0.5f * (r_s * r_s + r_p * r_p), 1.0f);
+}
+HYK_FN hyk_real hyk_fresnel_dielectric(hyk_real cos_o, hyk_real eta) {
+    hyk_real c = hyk_saturate(cos_o);
+    return hyk_fresnel_of_pair(c, hyk_refracted_cosine(c, eta), eta);
 }
 
 /* Unpolarised reflectance of a medium of index eta + i k. With (a + i b)^2 = (eta + i k)^2 - sin^2:
@@ -2707,6 +2710,16 @@ HYK_FN hyk_real hyk_energy_mean(hyk_view view, hyk_uint plane, hyk_energy_rows r
     return hyk_lerp(HYK_LOAD_ENERGY(view, i), HYK_LOAD_ENERGY(view, i + HYK_ENERGY_STRIDE), rows.share);
 }
 
+/* Mean of a plane of losses. Those fall as alpha^2 log(1 / alpha), which no straight line between rows follows:
+   their means are stored over this. */
+HYK_FN hyk_real hyk_energy_lost_scale(hyk_real alpha) {
+    hyk_real a = hyk_max(alpha, HYK_SMOOTH_ALPHA);
+    return a * a * hyk_lost_norm(a);
+}
+HYK_FN hyk_real hyk_energy_mean_lost(hyk_view view, hyk_uint plane, hyk_energy_rows rows, hyk_real alpha) {
+    return hyk_saturate(hyk_energy_mean(view, plane, rows) * hyk_energy_lost_scale(alpha));
+}
+
 /* One row, linearly in the column. */
 HYK_FN hyk_real hyk_energy_in_row(hyk_view view, hyk_uint row, hyk_real column) {
     hyk_uint i = hyk_energy_interval(column, HYK_ENERGY_COLUMNS - 1u);
@@ -2807,12 +2820,12 @@ HYK_FN hyk_real hyk_glass_facet_reflects(hyk_view view, hyk_bsdf bsdf, hyk_real 
     hyk_real cos_t = hyk_refracted_cosine(cos_h, bsdf.glass_eta) / bsdf.glass_eta;
     return f + (1.0f - f) * (1.0f - hyk_coat_pass(view, bsdf, cos_t));
 }
-/* cos_outside: of the pair's direction outside the body, to the macro normal. */
-HYK_FN hyk_real hyk_glass_facet_passes(hyk_view view, hyk_bsdf bsdf, hyk_real cos_h, hyk_real cos_outside) {
-    hyk_real t = 1.0f - hyk_fresnel_dielectric(cos_h, bsdf.glass_eta);
+/* g: glass_eta times the refracted cosine; cos_outside: of the pair's direction outside the body, to the macro
+   normal. */
+HYK_FN hyk_real hyk_glass_facet_passes(hyk_view view, hyk_bsdf bsdf, hyk_real cos_h, hyk_real g, hyk_real cos_outside) {
+    hyk_real t = 1.0f - hyk_fresnel_of_pair(cos_h, g, bsdf.glass_eta);
     if (!(bsdf.coat > 0.0f)) return t;
-    hyk_real cos_facet = cos_h;
-    if (hyk_bsdf_is(bsdf, HYK_BSDF_INSIDE)) cos_facet = hyk_refracted_cosine(cos_h, bsdf.glass_eta) / bsdf.glass_eta;
+    hyk_real cos_facet = hyk_bsdf_is(bsdf, HYK_BSDF_INSIDE) ? g / bsdf.glass_eta : cos_h;
     return t * hyk_min(hyk_coat_pass(view, bsdf, cos_outside), hyk_coat_pass(view, bsdf, cos_facet));
 }
 
@@ -2893,7 +2906,8 @@ HYK_FN hyk_real hyk_inverse_mean(hyk_real mean) {
    and lossless; both sides' divisions should be near that of their first scattering: the geometric mean of
    the two betas that would make them equal, kept where both divisions are at most 1. */
 HYK_FN hyk_bsdf hyk_divide_glass(hyk_view view, hyk_bsdf r) {
-    hyk_real near_lost = hyk_energy_mean(view, r.at_near, r.rows), far_lost = hyk_energy_mean(view, r.at_far, r.rows);
+    hyk_real near_lost = hyk_energy_mean_lost(view, r.at_near, r.rows, r.alpha);
+    hyk_real far_lost = hyk_energy_mean_lost(view, r.at_far, r.rows, r.alpha);
     if (!(hyk_min(near_lost, far_lost) > HYK_ENERGY_LEAST)) return r;
     hyk_real near_back = hyk_energy_mean(view, r.at_near + HYK_ENERGY_PLANE, r.rows);
     hyk_real far_back = hyk_energy_mean(view, r.at_far + HYK_ENERGY_PLANE, r.rows);
@@ -2937,7 +2951,7 @@ HYK_FN hyk_bsdf hyk_set_energy(hyk_view view, hyk_bsdf r, hyk_material material,
     r.at_plastic = hyk_energy_plane(view, header, HYK_ENERGY_AT_PLASTIC);
     r.at_coat = hyk_energy_plane(view, header, HYK_ENERGY_AT_COAT);
     if (r.at_metal != 0u) {
-        hyk_real lost = hyk_energy_mean(view, r.at_metal, r.rows);
+        hyk_real lost = hyk_energy_mean_lost(view, r.at_metal, r.rows, r.alpha);
         r.metal_scale = hyk_inverse_mean(lost);
         r.bounce = hyk_make3(hyk_multiple_scattering(mean.x, 1.0f - lost), hyk_multiple_scattering(mean.y, 1.0f - lost),
                              hyk_multiple_scattering(mean.z, 1.0f - lost));
@@ -3217,11 +3231,11 @@ HYK_FN hyk_bsdf_value hyk_add_refracted(hyk_bsdf_value r, hyk_view view, hyk_bsd
                                         hyk_uint features) {
     hyk_vec3 h = hyk_half_refracted(wo, wi, bsdf.glass_eta);
     hyk_real cos_h = hyk_dot(wo, h);
-    if (!(cos_h > 0.0f) || !(hyk_dot(wi, h) < 0.0f)) return r;
-    hyk_real g = hyk_refracted_cosine(cos_h, bsdf.glass_eta);
+    hyk_real g = bsdf.glass_eta * -hyk_dot(wi, h); /* not from cos_h: the same from both sides, and near total reflection sharp */
+    if (!(cos_h > 0.0f) || !(g > 0.0f)) return r;
     hyk_real d = hyk_ggx_distribution(h, bsdf.alpha) * hyk_refraction_jacobian(cos_h, g, bsdf.glass_eta);
     hyk_real cos_outside = hyk_bsdf_is(bsdf, HYK_BSDF_INSIDE) ? -wi.z : wo.z;
-    hyk_real t = hyk_glass_facet_passes(view, bsdf, cos_h, cos_outside) * d * hyk_ggx_visibility(wo, wi, bsdf.alpha);
+    hyk_real t = hyk_glass_facet_passes(view, bsdf, cos_h, g, cos_outside) * d * hyk_ggx_visibility(wo, wi, bsdf.alpha);
     r.specular = hyk_add_scaled(r.specular, bsdf.base_color, bsdf.glass * t / (bsdf.glass_eta * bsdf.glass_eta));
     r.pdf += q.facets * (1.0f - hyk_facet_reflects(bsdf, cos_h, features)) * hyk_ggx_pdf_reflected(wo, d, bsdf.alpha);
     return r;
@@ -3347,7 +3361,7 @@ HYK_FN hyk_bsdf_sample hyk_sample_window(hyk_view view, hyk_bsdf_sample r, hyk_b
         if (!(g > 0.0f)) return r;
         r.wi = hyk_refract(wo, hyk_make3(0.0f, 0.0f, 1.0f), wo.z, g, bsdf.glass_eta);
         hyk_real cos_outside = hyk_bsdf_is(bsdf, HYK_BSDF_INSIDE) ? -r.wi.z : wo.z;
-        t = hyk_glass_facet_passes(view, bsdf, wo.z, cos_outside) / (bsdf.glass_eta * bsdf.glass_eta);
+        t = hyk_glass_facet_passes(view, bsdf, wo.z, g, cos_outside) / (bsdf.glass_eta * bsdf.glass_eta);
     }
     r.pdf = chance;
     r.specular = hyk_scale(bsdf.base_color, bsdf.glass * t / chance);
@@ -5712,6 +5726,8 @@ HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
 #define HYI_STEADY 7.52316384526264e-37f     /* 2^-120: the smallest direction component */
 
+#define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
+
 /* A ray in the units of one tree. t here times unit is t of the ray. */
 typedef struct hyi_aim {
     float near_origin[3], far_origin[3]; /* the origin moved by the error bound: slabs only get thicker */
@@ -5720,7 +5736,9 @@ typedef struct hyi_aim {
     uint32_t near_plane[3];              /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
     uint32_t axis[3];                    /* x, y, z of the sheared frame; z is the direction's largest */
     float origin[3], shear[2];           /* in the order of axis */
-    double inverse_z, unit, inverse_unit;
+    float inverse_z;                     /* t here by distance along z */
+    double t_by_z;                       /* t of the ray by distance along z */
+    double unit, inverse_unit;
 } hyi_aim;
 
 /* What a triangle must beat, and the answer. */
@@ -5792,13 +5810,15 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     for (int a = 0; a < 3; a++) aim->origin[a] = o[aim->axis[a]];
     aim->shear[0] = d[aim->axis[0]] / d[z];
     aim->shear[1] = d[aim->axis[1]] / d[z];
-    aim->inverse_z = 1.0 / (double)d[z];
+    aim->t_by_z = 1.0 / (double)d[z];
+    aim->inverse_z = (float)aim->t_by_z;
+    aim->t_by_z *= aim->unit;
 }
 
 /* The farthest t worth visiting, rounded outwards. */
 HYI_INLINE void hyi_aim_limit(hyi_aim *aim, float t) {
     float here = (float)((double)(t < FLT_MAX ? t : FLT_MAX) * aim->inverse_unit);
-    aim->t_far = here + (2.0f * HYI_ULP) * fabsf(here);
+    aim->t_far = here + 4.0f * HYI_ULP * fabsf(here);
 }
 
 /* Makes a ray ready for a tree that is not empty; false: it has no direction and hits nothing. */
@@ -5809,7 +5829,7 @@ HYI_NOINLINE bool hyi_aim_at(hyi_aim *aim, const hyi_bvh *bvh, const float *orig
     hyi_aim_shear(aim, o, d);
     hyi_aim_slabs(aim, &bvh->scaled, o, d, loose);
     float here = (float)((double)t_min * aim->inverse_unit);
-    aim->t_near = here - (2.0f * HYI_ULP) * fabsf(here);
+    aim->t_near = here - 4.0f * HYI_ULP * fabsf(here);
     hyi_aim_limit(aim, t_max);
     return true;
 }
@@ -5828,26 +5848,24 @@ HYI_INLINE double hyi_cross_exact(float p, float q, float r, float s) {
     return (double)p * (double)q - (double)r * (double)s;
 }
 
-/* Whether the ray meets triangle lane of a leaf within its limits: t in units of the ray, u, v. Any flag of
-   the compiler may reorder the last steps, but there is one copy of them. */
-HYI_NOINLINE bool hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float *t, float *u, float *v) {
+/* t of the ray (not of the tree's units), or HYI_NO_HIT; weights: u and v. Any flag of the compiler may
+   reorder the last steps, but there is one copy of them. */
+HYI_NOINLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float weights[2]) {
     float ax, ay, bx, by, cx, cy;
     rows += lane;
     hyi_shear_corner(aim, rows, stride, &ax, &ay);
     hyi_shear_corner(aim, rows + 3u * stride, stride, &bx, &by);
     hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
     double a = hyi_cross_exact(cx, by, cy, bx), b = hyi_cross_exact(ax, cy, ay, cx), c = hyi_cross_exact(bx, ay, by, ax);
-    if ((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) return false;
+    if ((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) return HYI_NO_HIT;
     double sum = a + b + c;
-    if (sum == 0.0) return false;
+    if (sum == 0.0) return HYI_NO_HIT;
     const float *z = rows + aim->axis[2] * stride;
-    double origin = (double)aim->origin[2];
+    double origin = (double)aim->origin[2], inverse = 1.0 / sum;
     double distance = a * ((double)z[0] - origin) + b * ((double)z[3u * stride] - origin) + c * ((double)z[6u * stride] - origin);
-    double inverse = 1.0 / sum;
-    *t = (float)(distance * inverse * aim->inverse_z * aim->unit);
-    *u = (float)(b * inverse);
-    *v = (float)(c * inverse);
-    return true;
+    weights[0] = (float)(b * inverse);
+    weights[1] = (float)(c * inverse);
+    return (float)(distance * aim->t_by_z * inverse);
 }
 
 /* Ties of equal t go to the smaller instance, then the smaller primitive; t_max itself counts as a hit. */
@@ -5971,16 +5989,16 @@ HYI_INLINE void hyi_walk_stop(hyi_walk *walk) {
 
 /* Decides on one triangle of the leaf that at names. Returns whether it is the new best. */
 HYI_INLINE bool hyi_walk_offer(hyi_walk *walk, uint32_t lane, uint32_t flags) {
-    float t, u, v;
-    if (!hyi_confirm(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(walk->at), lane, &t, &u, &v)) return false;
+    float weights[2];
+    float t = hyi_confirm(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(walk->at), lane, weights);
     if (!(t >= walk->ray->t_min && t <= walk->best.t)) return false;
     uint32_t primitive = walk->bvh->ids[hyi_leaf_first(walk->at) + lane];
     if (!hyi_beats(&walk->best, t, walk->instance, primitive)) return false;
     if ((flags & HYI_WALK_ALPHA) && walk->asks_alpha &&
-        !hyk_hit_is_opaque(walk->accel->view, walk->instance, primitive, u, v, *walk->ray)) return false;
+        !hyk_hit_is_opaque(walk->accel->view, walk->instance, primitive, weights[0], weights[1], *walk->ray)) return false;
     walk->best.t = t;
-    walk->best.u = u;
-    walk->best.v = v;
+    walk->best.u = weights[0];
+    walk->best.v = weights[1];
     walk->best.instance = walk->instance;
     walk->best.primitive = primitive;
     hyi_aim_limit(&walk->aim, t);
@@ -6043,7 +6061,9 @@ HYI_NOINLINE void hyi_walk_enter(hyi_walk *walk) {
     walk->stack[walk->waiting++].t = 0.0f;
 }
 
-HYI_INLINE float hyi_finite_limit(float t_max) { return t_max < FLT_MAX ? t_max : FLT_MAX; }
+/* Limits end short of HYI_NO_HIT. */
+#define HYI_T_LIMIT 3.0e38f
+HYI_INLINE float hyi_finite_limit(float t_max) { return t_max < HYI_T_LIMIT ? t_max : HYI_T_LIMIT; }
 
 /* Sets a ray on its way through one tree, looking no farther than limit. */
 HYI_NOINLINE void hyi_walk_begin_tree(hyi_walk *walk, const hyi_accel *accel, const hyi_bvh *bvh, const hyk_ray *ray, float limit) {
@@ -6142,30 +6162,44 @@ HYI_INLINE HYI_AVX2 uint32_t hyi_boxes_avx2(const hyi_slabs8 *s, const hyi_node 
     return (uint32_t)_mm256_movemask_ps(_mm256_cmp_ps(enter, leave, _CMP_LE_OQ));
 }
 
-HYI_INLINE HYI_AVX2 void hyi_shear8(const hyi_aim *aim, const float *row, uint32_t stride, __m256 *x, __m256 *y) {
-    __m256 z = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[2] * stride), _mm256_broadcast_ss(&aim->origin[2])));
+/* Corners in the sheared frame, eight at once. */
+typedef struct hyi_corner8 {
+    __m256 x, y, z;
+} hyi_corner8;
+
+HYI_INLINE HYI_AVX2 hyi_corner8 hyi_shear8(const hyi_aim *aim, const float *row, uint32_t stride) {
+    hyi_corner8 p;
+    p.z = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[2] * stride), _mm256_broadcast_ss(&aim->origin[2])));
     __m256 dx = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[0] * stride), _mm256_broadcast_ss(&aim->origin[0])));
     __m256 dy = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[1] * stride), _mm256_broadcast_ss(&aim->origin[1])));
-    *x = hyi_rounded8(_mm256_sub_ps(dx, hyi_rounded8(_mm256_mul_ps(_mm256_broadcast_ss(&aim->shear[0]), z))));
-    *y = hyi_rounded8(_mm256_sub_ps(dy, hyi_rounded8(_mm256_mul_ps(_mm256_broadcast_ss(&aim->shear[1]), z))));
+    p.x = hyi_rounded8(_mm256_sub_ps(dx, hyi_rounded8(_mm256_mul_ps(_mm256_broadcast_ss(&aim->shear[0]), p.z))));
+    p.y = hyi_rounded8(_mm256_sub_ps(dy, hyi_rounded8(_mm256_mul_ps(_mm256_broadcast_ss(&aim->shear[1]), p.z))));
+    return p;
 }
 
-HYI_INLINE HYI_AVX2 __m256 hyi_cross8(__m256 p, __m256 q, __m256 r, __m256 s) {
-    return _mm256_sub_ps(hyi_rounded8(_mm256_mul_ps(p, q)), hyi_rounded8(_mm256_mul_ps(r, s)));
+/* p.x q.y - p.y q.x */
+HYI_INLINE HYI_AVX2 __m256 hyi_cross8(hyi_corner8 p, hyi_corner8 q) {
+    return _mm256_sub_ps(hyi_rounded8(_mm256_mul_ps(p.x, q.y)), hyi_rounded8(_mm256_mul_ps(p.y, q.x)));
 }
 
-/* Lanes past count hold other triangles of the tree, or zeros at its end. */
+/* Lanes whose corners all lie beyond one of the limits: t of a hit is a mean of t at the corners. */
+HYI_INLINE HYI_AVX2 __m256 hyi_beyond8(const hyi_aim *aim, __m256 az, __m256 bz, __m256 cz) {
+    __m256 scale = _mm256_broadcast_ss(&aim->inverse_z);
+    __m256 a = _mm256_mul_ps(az, scale), b = _mm256_mul_ps(bz, scale), c = _mm256_mul_ps(cz, scale);
+    __m256 first = _mm256_min_ps(_mm256_min_ps(a, b), c), last = _mm256_max_ps(_mm256_max_ps(a, b), c);
+    return _mm256_or_ps(_mm256_cmp_ps(first, _mm256_broadcast_ss(&aim->t_far), _CMP_GT_OQ),
+                        _mm256_cmp_ps(last, _mm256_broadcast_ss(&aim->t_near), _CMP_LT_OQ));
+}
+
+/* Bits of the triangles that need a closer look. Lanes past count hold other triangles of the tree, or zeros. */
 HYI_INLINE HYI_AVX2 uint32_t hyi_triangles_avx2(const hyi_aim *aim, const float *rows, uint32_t count) {
-    __m256 ax, ay, bx, by, cx, cy;
-    hyi_shear8(aim, rows, count, &ax, &ay);
-    hyi_shear8(aim, rows + 3u * count, count, &bx, &by);
-    hyi_shear8(aim, rows + 6u * count, count, &cx, &cy);
-    __m256 a = hyi_cross8(cx, by, cy, bx), b = hyi_cross8(ax, cy, ay, cx), c = hyi_cross8(bx, ay, by, ax);
+    hyi_corner8 p = hyi_shear8(aim, rows, count), q = hyi_shear8(aim, rows + 3u * count, count), r = hyi_shear8(aim, rows + 6u * count, count);
+    __m256 a = hyi_cross8(r, q), b = hyi_cross8(p, r), c = hyi_cross8(q, p);
     __m256 zero = _mm256_setzero_ps();
     __m256 below = _mm256_cmp_ps(_mm256_min_ps(_mm256_min_ps(a, b), c), zero, _CMP_LT_OQ);
     __m256 above = _mm256_cmp_ps(_mm256_max_ps(_mm256_max_ps(a, b), c), zero, _CMP_GT_OQ);
-    uint32_t differ = (uint32_t)_mm256_movemask_ps(_mm256_and_ps(below, above));
-    return ~differ & ((1u << count) - 1u);
+    __m256 out = _mm256_or_ps(_mm256_and_ps(below, above), hyi_beyond8(aim, p.z, q.z, r.z));
+    return ~(uint32_t)_mm256_movemask_ps(out) & ((1u << count) - 1u);
 }
 
 /* One node of a tree that is not the innermost: boxes of instances or of light shapes. */
@@ -6288,29 +6322,42 @@ HYI_INLINE uint32_t hyi_boxes_neon(const hyi_aim *aim, const hyi_node *node, flo
     return hyi_boxes4(aim, node, 0u, t) | hyi_boxes4(aim, node, 4u, t);
 }
 
-HYI_INLINE void hyi_shear4(const hyi_aim *aim, const float *row, uint32_t stride, float32x4_t *x, float32x4_t *y) {
-    float32x4_t z = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[2] * stride), vdupq_n_f32(aim->origin[2])));
+/* Corners in the sheared frame, four at once. */
+typedef struct hyi_corner4 {
+    float32x4_t x, y, z;
+} hyi_corner4;
+
+HYI_INLINE hyi_corner4 hyi_shear4(const hyi_aim *aim, const float *row, uint32_t stride) {
+    hyi_corner4 p;
+    p.z = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[2] * stride), vdupq_n_f32(aim->origin[2])));
     float32x4_t dx = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[0] * stride), vdupq_n_f32(aim->origin[0])));
     float32x4_t dy = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[1] * stride), vdupq_n_f32(aim->origin[1])));
-    *x = hyi_rounded4(vsubq_f32(dx, hyi_rounded4(vmulq_n_f32(z, aim->shear[0]))));
-    *y = hyi_rounded4(vsubq_f32(dy, hyi_rounded4(vmulq_n_f32(z, aim->shear[1]))));
+    p.x = hyi_rounded4(vsubq_f32(dx, hyi_rounded4(vmulq_n_f32(p.z, aim->shear[0]))));
+    p.y = hyi_rounded4(vsubq_f32(dy, hyi_rounded4(vmulq_n_f32(p.z, aim->shear[1]))));
+    return p;
 }
 
-HYI_INLINE float32x4_t hyi_cross4(float32x4_t p, float32x4_t q, float32x4_t r, float32x4_t s) {
-    return vsubq_f32(hyi_rounded4(vmulq_f32(p, q)), hyi_rounded4(vmulq_f32(r, s)));
+/* p.x q.y - p.y q.x */
+HYI_INLINE float32x4_t hyi_cross4(hyi_corner4 p, hyi_corner4 q) {
+    return vsubq_f32(hyi_rounded4(vmulq_f32(p.x, q.y)), hyi_rounded4(vmulq_f32(p.y, q.x)));
+}
+
+/* Lanes whose corners all lie beyond one of the limits: t of a hit is a mean of t at the corners. */
+HYI_INLINE uint32x4_t hyi_beyond4(const hyi_aim *aim, float32x4_t az, float32x4_t bz, float32x4_t cz) {
+    float32x4_t a = vmulq_n_f32(az, aim->inverse_z), b = vmulq_n_f32(bz, aim->inverse_z), c = vmulq_n_f32(cz, aim->inverse_z);
+    float32x4_t first = vminq_f32(vminq_f32(a, b), c), last = vmaxq_f32(vmaxq_f32(a, b), c);
+    return vorrq_u32(vcgtq_f32(first, vdupq_n_f32(aim->t_far)), vcltq_f32(last, vdupq_n_f32(aim->t_near)));
 }
 
 /* Four triangles from lane on: the rows are read lane floats further on. */
 HYI_INLINE uint32_t hyi_triangles4(const hyi_aim *aim, const float *rows, uint32_t count, uint32_t lane) {
-    float32x4_t ax, ay, bx, by, cx, cy;
     rows += lane;
-    hyi_shear4(aim, rows, count, &ax, &ay);
-    hyi_shear4(aim, rows + 3u * count, count, &bx, &by);
-    hyi_shear4(aim, rows + 6u * count, count, &cx, &cy);
-    float32x4_t a = hyi_cross4(cx, by, cy, bx), b = hyi_cross4(ax, cy, ay, cx), c = hyi_cross4(bx, ay, by, ax);
+    hyi_corner4 p = hyi_shear4(aim, rows, count), q = hyi_shear4(aim, rows + 3u * count, count), r = hyi_shear4(aim, rows + 6u * count, count);
+    float32x4_t a = hyi_cross4(r, q), b = hyi_cross4(p, r), c = hyi_cross4(q, p);
     uint32x4_t below = vcltzq_f32(vminq_f32(vminq_f32(a, b), c));
     uint32x4_t above = vcgtzq_f32(vmaxq_f32(vmaxq_f32(a, b), c));
-    return (~hyi_mask4(vandq_u32(below, above)) & 15u) << lane;
+    uint32x4_t out = vorrq_u32(vandq_u32(below, above), hyi_beyond4(aim, p.z, q.z, r.z));
+    return (~hyi_mask4(out) & 15u) << lane;
 }
 
 HYI_INLINE uint32_t hyi_triangles_neon(const hyi_aim *aim, const float *rows, uint32_t count) {
@@ -7714,7 +7761,7 @@ HYI_FN void hyi_energy_add_glass(const hyi_energy_build *build, const hyk_bsdf *
     hyk_real along = 0.0f, stopped_along = 1.0f;
     if (g > 0.0f) {
         wi = hyk_refract(wo, h, cos_h, g, bsdf->glass_eta);
-        along = hyk_glass_facet_passes(&build->view, *bsdf, cos_h, inside ? hyk_max(-wi.z, 0.0f) : wo.z);
+        along = hyk_glass_facet_passes(&build->view, *bsdf, cos_h, g, inside ? hyk_max(-wi.z, 0.0f) : wo.z);
         if (wi.z < 0.0f) stopped_along = hyk_ggx_stopped(wo, wi, bsdf->alpha);
     }
     /* Without a coat back + along is 1, but for rounding that would swamp the small losses. */
@@ -7860,7 +7907,7 @@ HYI_FN void hyi_energy_metal_row(hyi_energy_build *build, const hyi_energy_job *
         lost[c] = (float)sums.lost;
         schlick[c] = (float)(sums.schlick - hyi_smooth_schlick(build, bsdf, cosine));
     }
-    lost[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, lost, NULL);
+    lost[HYK_ENERGY_COLUMNS] = (float)(hyi_energy_row_mean(build, bsdf, lost, NULL) / (double)hyk_energy_lost_scale(bsdf.alpha));
     schlick[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, schlick, hyi_smooth_schlick);
 }
 
@@ -7877,7 +7924,7 @@ HYI_FN void hyi_energy_plastic_row(hyi_energy_build *build, const hyi_energy_job
     float *row = build->tables + job->at + r * HYK_ENERGY_STRIDE;
     const float *lost = build->tables + job->at_metal + r * HYK_ENERGY_STRIDE;
     hyk_bsdf bsdf = hyi_energy_bsdf(build, job, hyk_energy_row_alpha((hyk_real)r), true);
-    hyk_real bounce = hyk_multiple_scattering((hyk_real)hyi_dielectric_mean(&build->gauss, job->ior), 1.0f - lost[HYK_ENERGY_COLUMNS]);
+    hyk_real bounce = hyk_multiple_scattering((hyk_real)hyi_dielectric_mean(&build->gauss, job->ior), 1.0f - lost[HYK_ENERGY_COLUMNS] * hyk_energy_lost_scale(bsdf.alpha));
     for (uint32_t c = 0; c < HYK_ENERGY_COLUMNS; c++) {
         hyk_real cosine = hyk_energy_cosine((hyk_real)c, bsdf.alpha);
         double back = hyi_energy_integrate(build, &bsdf, false, cosine).dielectric;
@@ -7897,7 +7944,7 @@ HYI_FN void hyi_energy_glass_row(hyi_energy_build *build, const hyi_energy_job *
             lost[c] = (float)sums.glass_lost;
             back[c] = (float)(sums.glass_back - hyi_smooth_glass(build, bsdf, cosine));
         }
-        lost[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, lost, NULL);
+        lost[HYK_ENERGY_COLUMNS] = (float)(hyi_energy_row_mean(build, bsdf, lost, NULL) / (double)hyk_energy_lost_scale(bsdf.alpha));
         back[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, back, hyi_smooth_glass);
     }
 }
@@ -8876,8 +8923,8 @@ HYI_FN hyi_box hyi_shape_box(const hyk_light *light) {
     hyi_box box;
     for (int i = 0; i < 3; i++) {
         float slack = 4.0f * FLT_EPSILON * (fabsf(center[i]) + half[i]);
-        box.lower[i] = center[i] - half[i] - slack;
-        box.upper[i] = center[i] + half[i] + slack;
+        box.lower[i] = fmaxf(center[i] - half[i] - slack, -FLT_MAX);
+        box.upper[i] = fminf(center[i] + half[i] + slack, FLT_MAX);
     }
     return box;
 }
@@ -9129,7 +9176,7 @@ HYI_FN uint32_t hyi_placed_needs(hydra_scene *scene, const hyk_instance *placed)
 
 HYI_FN uint32_t hyi_scene_needs(hydra_scene *scene) {
     uint32_t needs = scene->placed_count > 1 ? HYK_NEEDS_INSTANCES : 0u;
-    memset(scene->view_alpha, 0, scene->mesh_count);
+    for (size_t i = 0; i < scene->mesh_count; i++) scene->view_alpha[i] = 0;
     for (size_t i = 0; i < scene->placed_count; i++) needs |= hyi_placed_needs(scene, &scene->placed[i]);
     if (scene->view.constants.finite_lights) needs |= HYK_NEEDS_EMITTERS;
     if (scene->view.constants.suns) needs |= HYK_NEEDS_SUNS;
@@ -11628,6 +11675,250 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
 }
 
 #endif /* HYI_ESTIMATE_H */
+
+/* >>selftest: known answers, asked on the user's own machine through the public calls */
+#ifndef HYI_SELFTEST_H
+#define HYI_SELFTEST_H
+
+typedef struct hyi_selftest {
+    hydra_context *context;
+    hydra_scene *scene;
+    hydra_render *render;
+} hyi_selftest;
+
+HYI_FN hydra_result hyi_selftest_wrong(hyi_selftest *t, const char *what, double found, double truth) {
+    return hyi_fail(t->context, HYDRA_ERROR_SELFTEST, "%s is %.9g, the truth is %.9g", what, found, truth);
+}
+
+HYI_FN hydra_result hyi_selftest_error(hyi_selftest *t, const char *what) {
+    char reason[sizeof t->context->error];
+    memcpy(reason, t->context->error, sizeof reason);
+    return hyi_fail(t->context, HYDRA_ERROR_SELFTEST, "%s could not run (%.300s)", what, reason);
+}
+
+/* A sphere of 20 x 4^levels triangles is not needed here: a lattice of longitudes and latitudes, closed and without
+   T-junctions. positions: 3 (n (n/2 - 1) + 2) floats; indices: 6 n (n/2 - 1) words. */
+#define HYI_SELFTEST_N 32u
+#define HYI_SELFTEST_VERTICES (HYI_SELFTEST_N * (HYI_SELFTEST_N / 2 - 1) + 2)
+#define HYI_SELFTEST_CORNERS (6 * HYI_SELFTEST_N * (HYI_SELFTEST_N / 2 - 1))
+
+typedef struct hyi_selftest_ball {
+    float positions[3 * HYI_SELFTEST_VERTICES];
+    uint32_t indices[HYI_SELFTEST_CORNERS];
+} hyi_selftest_ball;
+
+HYI_FN void hyi_selftest_vertex(float *p, double latitude, double longitude) {
+    p[0] = (float)(cos(latitude) * cos(longitude));
+    p[1] = (float)sin(latitude);
+    p[2] = (float)(cos(latitude) * sin(longitude));
+}
+
+HYI_FN uint32_t hyi_selftest_ring(uint32_t ring, uint32_t step) {
+    const uint32_t rings = HYI_SELFTEST_N / 2 - 1;
+    if (ring == 0) return HYI_SELFTEST_VERTICES - 2;
+    if (ring > rings) return HYI_SELFTEST_VERTICES - 1;
+    return (ring - 1) * HYI_SELFTEST_N + step % HYI_SELFTEST_N;
+}
+
+/* Front faces look outwards. */
+HYI_FN void hyi_selftest_make_ball(hyi_selftest_ball *ball) {
+    const uint32_t n = HYI_SELFTEST_N, rings = n / 2 - 1;
+    for (uint32_t r = 1; r <= rings; r++)
+        for (uint32_t s = 0; s < n; s++)
+            hyi_selftest_vertex(ball->positions + 3 * hyi_selftest_ring(r, s), HYI_PI * ((double)r / (double)(rings + 1) - 0.5), 2.0 * HYI_PI * (double)s / (double)n);
+    hyi_selftest_vertex(ball->positions + 3 * hyi_selftest_ring(0, 0), -0.5 * HYI_PI, 0.0);
+    hyi_selftest_vertex(ball->positions + 3 * hyi_selftest_ring(rings + 1, 0), 0.5 * HYI_PI, 0.0);
+    uint32_t *at = ball->indices;
+    for (uint32_t r = 0; r <= rings; r++)
+        for (uint32_t s = 0; s < n; s++) {
+            const uint32_t a = hyi_selftest_ring(r, s), b = hyi_selftest_ring(r, s + 1), c = hyi_selftest_ring(r + 1, s), d = hyi_selftest_ring(r + 1, s + 1);
+            if (r < rings) *at++ = a, *at++ = c, *at++ = d;
+            if (r > 0) *at++ = a, *at++ = d, *at++ = b;
+        }
+}
+
+HYI_FN hydra_result hyi_selftest_commit_ball(hyi_selftest *t, const hydra_material_desc *material) {
+    hyi_selftest_ball *ball;
+    HYI_TRY(hyi_alloc_array(t->context, &ball, 1));
+    hyi_selftest_make_ball(ball);
+    hydra_mesh_desc mesh;
+    memset(&mesh, 0, sizeof mesh);
+    mesh.positions.data = ball->positions;
+    mesh.positions.count = HYI_SELFTEST_VERTICES;
+    mesh.indices.data = ball->indices;
+    mesh.indices.count = HYI_SELFTEST_CORNERS;
+    mesh.material = hydra_scene_add_material(t->scene, material);
+    hydra_scene_add_mesh(t->scene, &mesh);
+    hydra_result result = hydra_scene_commit(t->scene);
+    hyi_free_array(t->context, &ball, 1);
+    return result;
+}
+
+HYI_FN hydra_result hyi_selftest_finish(hyi_selftest *t, const hydra_render_desc *desc) {
+    hydra_render_destroy(t->render);
+    t->render = hydra_render_create(t->scene, desc);
+    if (!t->render) return HYDRA_ERROR_SELFTEST;
+    hydra_result result;
+    do result = hydra_render_step(t->render);
+    while (result == HYDRA_MORE);
+    return result;
+}
+
+/* Mean of all pixels' channels; the images here are 8x8. */
+HYI_FN double hyi_selftest_mean(hyi_selftest *t) {
+    float pixels[3 * 64];
+    double sum = 0.0;
+    if (hydra_render_read(t->render, HYDRA_RADIANCE, pixels, 0) != HYDRA_OK) return -1.0;
+    for (int i = 0; i < 3 * 64; i++) sum += (double)pixels[i];
+    return sum / (3.0 * 64.0);
+}
+
+HYI_FN hydra_render_desc hyi_selftest_frame(uint32_t samples) {
+    hydra_render_desc d;
+    memset(&d, 0, sizeof d);
+    d.width = d.height = 8;
+    d.max_samples = samples;
+    return d;
+}
+
+/* Inside a closed body of albedo 1/2 that emits 1/2, radiance is 1 in every direction. */
+HYI_FN hydra_result hyi_selftest_furnace(hyi_selftest *t) {
+    hydra_material_desc m;
+    memset(&m, 0, sizeof m);
+    for (int i = 0; i < 3; i++) m.base_color[i] = m.emission[i] = 0.5f;
+    m.emit_both_sides = true;
+    if (hyi_selftest_commit_ball(t, &m) != HYDRA_OK) return hyi_selftest_error(t, "the furnace");
+    hydra_render_desc d = hyi_selftest_frame(256);
+    if (hyi_selftest_finish(t, &d) != HYDRA_OK) return hyi_selftest_error(t, "the furnace");
+    double mean = hyi_selftest_mean(t);
+    return fabs(mean - 1.0) < 0.02 ? HYDRA_OK : hyi_selftest_wrong(t, "radiance in the furnace", mean, 1.0);
+}
+
+/* A lossless body under a sky of 1 is invisible: every sampling routine and density of its BSDF has a part in that. */
+HYI_FN hydra_result hyi_selftest_white(hyi_selftest *t, hydra_material_kind kind, float roughness, const char *name) {
+    hydra_material_desc m;
+    memset(&m, 0, sizeof m);
+    m.kind = kind;
+    m.roughness = roughness;
+    for (int i = 0; i < 3; i++) m.base_color[i] = 1.0f;
+    hydra_environment_desc sky;
+    memset(&sky, 0, sizeof sky);
+    for (int i = 0; i < 3; i++) sky.color[i] = 1.0f;
+    hydra_scene_set_environment(t->scene, &sky);
+    if (hyi_selftest_commit_ball(t, &m) != HYDRA_OK) return hyi_selftest_error(t, name);
+    hydra_render_desc d = hyi_selftest_frame(256);
+    d.sensor.position[2] = 3.0f;
+    d.sensor.fov_y = 0.7f;
+    if (hyi_selftest_finish(t, &d) != HYDRA_OK) return hyi_selftest_error(t, name);
+    double mean = hyi_selftest_mean(t);
+    return fabs(mean - 1.0) < 0.02 ? HYDRA_OK : hyi_selftest_wrong(t, name, mean, 1.0);
+}
+
+HYI_FN hydra_result hyi_selftest_lambert(hyi_selftest *t) { return hyi_selftest_white(t, HYDRA_MATERIAL_LAMBERT, 0.0f, "radiance of a white Lambert body"); }
+HYI_FN hydra_result hyi_selftest_mirror(hyi_selftest *t) { return hyi_selftest_white(t, HYDRA_MATERIAL_CONDUCTOR, 0.0f, "radiance of a mirror"); }
+HYI_FN hydra_result hyi_selftest_metal(hyi_selftest *t) { return hyi_selftest_white(t, HYDRA_MATERIAL_CONDUCTOR, 0.8f, "radiance of a rough metal"); }
+HYI_FN hydra_result hyi_selftest_glass(hyi_selftest *t) { return hyi_selftest_white(t, HYDRA_MATERIAL_DIELECTRIC, 0.0f, "radiance of glass"); }
+HYI_FN hydra_result hyi_selftest_frosted(hyi_selftest *t) { return hyi_selftest_white(t, HYDRA_MATERIAL_DIELECTRIC, 0.5f, "radiance of frosted glass"); }
+HYI_FN hydra_result hyi_selftest_layered(hyi_selftest *t) { return hyi_selftest_white(t, HYDRA_MATERIAL_METALLIC_ROUGHNESS, 0.4f, "radiance of a white coated body"); }
+
+/* Under half a sky of radiance 1 a point receives E = pi. */
+HYI_FN hydra_result hyi_selftest_irradiance(hyi_selftest *t) {
+    hydra_environment_desc sky;
+    memset(&sky, 0, sizeof sky);
+    for (int i = 0; i < 3; i++) sky.color[i] = 1.0f;
+    hydra_scene_set_environment(t->scene, &sky);
+    if (hydra_scene_commit(t->scene) != HYDRA_OK) return hyi_selftest_error(t, "E = pi L");
+    float positions[3 * 64], normals[3 * 64];
+    memset(positions, 0, sizeof positions);
+    for (int i = 0; i < 3 * 64; i++) normals[i] = i % 3 == 1 ? 1.0f : 0.0f;
+    hydra_render_desc d = hyi_selftest_frame(64);
+    d.sensor.kind = HYDRA_SENSOR_POINTS;
+    d.sensor.point_positions.data = positions;
+    d.sensor.point_normals.data = normals;
+    d.sensor.point_positions.count = d.sensor.point_normals.count = 64;
+    if (hyi_selftest_finish(t, &d) != HYDRA_OK) return hyi_selftest_error(t, "E = pi L");
+    double mean = hyi_selftest_mean(t);
+    return fabs(mean - HYI_PI) < 0.01 ? HYDRA_OK : hyi_selftest_wrong(t, "irradiance under the sky", mean, HYI_PI);
+}
+
+/* From the centre to each vertex and the middle of each edge: every ray must meet the sphere, and the scalar and the
+   SIMD traversal must say the same. */
+HYI_FN hydra_result hyi_selftest_watertight(hyi_selftest *t) {
+    hydra_material_desc m;
+    memset(&m, 0, sizeof m);
+    if (hyi_selftest_commit_ball(t, &m) != HYDRA_OK) return hyi_selftest_error(t, "the watertight sphere");
+    const hyi_mesh_slot *mesh = &t->scene->meshes[0];
+    hyi_accel scalar = t->scene->accel;
+    scalar.isa = HYDRA_ISA_SCALAR;
+    for (uint32_t i = 0; i < HYI_SELFTEST_CORNERS; i++) {
+        const float *a = mesh->positions + 3 * mesh->indices[i], *b = mesh->positions + 3 * mesh->indices[i - i % 3 + (i + 1) % 3];
+        hyk_ray rays[2];
+        hyk_hit hits[2], plain[2];
+        memset(rays, 0, sizeof rays);
+        rays[0].direction = hyk_make3(a[0], a[1], a[2]);
+        rays[1].direction = hyk_scale(hyk_add(rays[0].direction, hyk_make3(b[0], b[1], b[2])), 0.5f);
+        rays[0].t_max = rays[1].t_max = FLT_MAX;
+        hyi_trace_closest(&t->scene->accel, rays, hits, 2);
+        hyi_trace_closest(&scalar, rays, plain, 2);
+        for (int k = 0; k < 2; k++) {
+            if (hits[k].instance == HYK_NONE) return hyi_selftest_wrong(t, "a ray through an edge of the sphere: hits", 0.0, 1.0);
+            if (memcmp(&hits[k], &plain[k], sizeof hits[k])) return hyi_selftest_wrong(t, "SIMD traversal: distance", (double)hits[k].t, (double)plain[k].t);
+        }
+    }
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_selftest_compare_films(hyi_selftest *t, const void *share, size_t size) {
+    float whole[3 * 64], merged[3 * 64];
+    hydra_render_desc d = hyi_selftest_frame(32);
+    if (hyi_selftest_finish(t, &d) != HYDRA_OK || hydra_render_read(t->render, HYDRA_RADIANCE, whole, 0) != HYDRA_OK) return hyi_selftest_error(t, "films");
+    d.max_samples = 16;
+    if (hyi_selftest_finish(t, &d) != HYDRA_OK || hydra_render_merge(t->render, share, size) != HYDRA_OK) return hyi_selftest_error(t, "films");
+    hydra_render_read(t->render, HYDRA_RADIANCE, merged, 0);
+    return memcmp(whole, merged, sizeof whole) ? hyi_selftest_wrong(t, "a film merged of two: its first value", (double)merged[0], (double)whole[0]) : HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_selftest_films(hyi_selftest *t) {
+    hydra_material_desc m;
+    memset(&m, 0, sizeof m);
+    for (int i = 0; i < 3; i++) m.base_color[i] = m.emission[i] = 0.5f;
+    m.emit_both_sides = true;
+    if (hyi_selftest_commit_ball(t, &m) != HYDRA_OK) return hyi_selftest_error(t, "films");
+    hydra_render_desc d = hyi_selftest_frame(32);
+    d.first_sample = 16;
+    size_t size;
+    void *share;
+    if (hyi_selftest_finish(t, &d) != HYDRA_OK || hydra_render_save(t->render, NULL, &size) != HYDRA_OK) return hyi_selftest_error(t, "films");
+    HYI_TRY(hyi_alloc_bytes(t->context, size, &share));
+    hydra_result result = hydra_render_save(t->render, share, &size);
+    if (result == HYDRA_OK) result = hyi_selftest_compare_films(t, share, size);
+    hyi_free_bytes(t->context, share, size);
+    return result;
+}
+
+HYI_FN hydra_result hyi_selftest_run(hydra_context *context, hydra_result (*test)(hyi_selftest *)) {
+    hyi_selftest t;
+    t.context = context;
+    t.render = NULL;
+    t.scene = hydra_scene_create(context);
+    if (!t.scene) return HYDRA_ERROR_OUT_OF_MEMORY;
+    hydra_result result = test(&t);
+    hydra_render_destroy(t.render);
+    hydra_scene_destroy(t.scene);
+    return result;
+}
+
+HYDRA_API hydra_result hydra_selftest(hydra_context *context) {
+    if (!context) return HYDRA_ERROR_NULL;
+    hydra_result (*const tests[])(hyi_selftest *) = {
+        hyi_selftest_watertight, hyi_selftest_irradiance, hyi_selftest_furnace, hyi_selftest_lambert, hyi_selftest_mirror,
+        hyi_selftest_metal,      hyi_selftest_glass,      hyi_selftest_frosted, hyi_selftest_layered, hyi_selftest_films,
+    };
+    for (size_t i = 0; i < HYI_COUNT(tests); i++) HYI_TRY(hyi_selftest_run(context, tests[i]));
+    return HYDRA_OK;
+}
+
+#endif /* HYI_SELFTEST_H */
 
 #endif /* HYDRA_IMPLEMENTATION */
 

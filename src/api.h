@@ -84,7 +84,9 @@ REFERENCES are named where the method stands in the implementation.
 #define HYDRA_VERSION_MINOR 1
 
 #ifndef HYDRA_API
-#if defined(HYDRA_STATIC)
+#if defined(HYDRA_STATIC) && defined(__GNUC__)
+#define HYDRA_API static __attribute__((unused))
+#elif defined(HYDRA_STATIC)
 #define HYDRA_API static
 #else
 #define HYDRA_API extern

@@ -194,7 +194,7 @@ static void fresnel_values(void **state) {
 #define SECTORS 10
 #define SUBDIVISIONS 10
 
-/* Bins around an axis, rings closer where the lobe is narrow: rho = angle / (angle + width). */
+/* Bins around an axis, rings uniform in rho = log(1 + angle / width), 0..1 at the opposite pole. */
 typedef struct bins {
     hyk_frame frame;
     double width;
@@ -203,7 +203,7 @@ typedef struct bins {
 
 static int bin_of(const bins *b, hyk_vec3 w) {
     double x = (double)hyk_dot(w, b->frame.x), y = (double)hyk_dot(w, b->frame.y), z = (double)hyk_dot(w, b->frame.z);
-    double angle = atan2(sqrt(x * x + y * y), z), rho = angle / (angle + b->width) * (HT_PI + b->width) / HT_PI;
+    double angle = atan2(sqrt(x * x + y * y), z), rho = log(1.0 + angle / b->width) / log(1.0 + HT_PI / b->width);
     int ring = (int)(rho * RINGS), sector = (int)((atan2(y, x) / (2.0 * HT_PI) + 0.5) * SECTORS);
     ring = ring < RINGS ? ring : RINGS - 1;
     return ring * SECTORS + (sector < SECTORS ? sector : SECTORS - 1);
@@ -213,8 +213,8 @@ static void integrate_bins(const scene *s, hyk_bsdf bsdf, hyk_vec3 wo, double si
     const int rings = RINGS * SUBDIVISIONS, sectors = SECTORS * SUBDIVISIONS;
     for (int i = 0; i < rings; i++)
         for (int j = 0; j < sectors; j++) {
-            double rho = (i + 0.5) / rings * HT_PI / (HT_PI + b->width), azimuth = ((j + 0.5) / sectors - 0.5) * 2.0 * HT_PI;
-            double angle = b->width * rho / (1.0 - rho), slope = b->width / ((1.0 - rho) * (1.0 - rho)) * HT_PI / (HT_PI + b->width);
+            double rho = (i + 0.5) / rings, azimuth = ((j + 0.5) / sectors - 0.5) * 2.0 * HT_PI;
+            double span = log(1.0 + HT_PI / b->width), angle = b->width * (exp(rho * span) - 1.0), slope = (angle + b->width) * span;
             hyk_vec3 local = hyk_make3((float)(sin(angle) * cos(azimuth)), (float)(sin(angle) * sin(azimuth)), (float)cos(angle));
             hyk_vec3 wi = hyk_to_world(b->frame, local);
             if ((double)wi.z * side <= 0.0) continue;
@@ -252,6 +252,7 @@ static double chi_square(const scene *s, hyk_bsdf bsdf, hyk_vec3 wo, double side
     }
     assert_true(rest > -0.005 * count); /* the density does not integrate to more than 1 */
     b.expected[RINGS * SECTORS] = rest > 0.0 ? rest : 0.0;
+    if (count - rest < 200.0) return 1.0; /* total internal reflection leaves next to nothing on this side */
     if (rest < 5.0) { /* nothing is left over: rounding of the integral must not decide */
         b.expected[RINGS * SECTORS - 1] += b.expected[RINGS * SECTORS];
         b.observed[RINGS * SECTORS - 1] += b.observed[RINGS * SECTORS];
@@ -360,7 +361,9 @@ static void check_finite(const scene *s, bool front) {
             for (int way = 0; way < 4; way++) {
                 float side = way & 1 ? -1.0f : 1.0f, x = sqrtf(1.0f - z[j] * z[j]) * (way & 2 ? -1.0f : 1.0f);
                 hyk_bsdf_value f = hyk_bsdf_eval(&s->view, bsdf, wo, hyk_make3(x, 0.0f, side * z[j]), FEATURES);
-                assert_true(finite3(f.diffuse) && finite3(f.specular) && ht_finite(f.pdf) && f.pdf >= 0.0f);
+                if (!(finite3(f.diffuse) && finite3(f.specular) && ht_finite(f.pdf) && f.pdf >= 0.0f))
+                    fail_msg("kind %u roughness %g ior %g: cos %g to %g: %g %g pdf %g", s->material.kind, (double)s->material.roughness,
+                             (double)s->material.ior, (double)z[i], (double)(side * z[j]), (double)f.diffuse.x, (double)f.specular.x, (double)f.pdf);
             }
         for (size_t k = 0; k < 64; k++) {
             hyk_bsdf_sample r = hyk_bsdf_sample_direction(&s->view, bsdf, wo, u[k & 3], hyk_make2(u[k >> 2 & 3], u[k >> 4]), FEATURES);

@@ -3,13 +3,7 @@
 #define HYDRA_STATIC
 #define HYDRA_IMPLEMENTATION
 #include "hydra.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <cmocka.h>
+#include "hydra_test.h"
 
 #define PI 3.14159265358979323846
 #define ALL_FEATURES (HYK_NEEDS_EMITTERS | HYK_NEEDS_SHAPES | HYK_NEEDS_SUNS | HYK_NEEDS_ENVIRONMENT | HYK_NEEDS_ENVIRONMENT_MAP | HYK_NEEDS_TEXTURES)
@@ -971,6 +965,40 @@ static void test_map_bright_texel(void **state) {
     }
 }
 
+/* The probability that bisection by the stored shares gives the range's member. */
+static double bisected(const float *shares, uint32_t count, uint32_t member) {
+    double probability = 1;
+    for (uint32_t first = 0, last = count; last - first > 1;) {
+        uint32_t middle = first + (last - first) / 2;
+        double x = (double)shares[middle], below = x >= 0 ? x : 1 + x, above = x < 0 ? -x : 1 - x;
+        probability *= member < middle ? below : above;
+        if (member < middle) last = middle;
+        else first = middle;
+    }
+    return probability;
+}
+
+/* A texel of 1e12 among those of 1: the cells' probabilities, down to 1e-17, are their shares of the integral. */
+static void test_map_shares(void **state) {
+    (void)state;
+    enum { W = 64, H = 33 };
+    static float texels[3 * W * H];
+    light_scene s;
+    for (int i = 0; i < 3 * W * H; i++) texels[i] = 1;
+    for (int c = 0; c < 3; c++) texels[3 * (10 * W + 20) + c] = 1e12f;
+    open_scene(&s, NULL, 0, 0);
+    set_map(&s, texels, W, H, 1, 0);
+    for (uint32_t row = 0; row <= H; row++)
+        for (uint32_t x = 0; x < W; x++) {
+            double from = row == 0 ? 0 : PI * (row - 0.5) / H, to = row == H ? PI : PI * (row + 0.5) / H;
+            double mean_corner = (row == 10 || row == 11) && (x == 19 || x == 20) ? 0.25e12 + 0.75 : 1;
+            double truth = (cos(from) - cos(to)) * 2 * PI / W * mean_corner / (double)s.view.constants.environment_integral;
+            double told = bisected(s.cdf, H + 1, row) * bisected(s.cdf + (H + 1) + W * row, W, x);
+            assert_float_equal(told / truth, 1, 1e-5);
+        }
+    close_scene(&s);
+}
+
 /* A sun of 1e9 in a map of 1: dim places keep their probability, which a table of sums in float would lose. */
 static void test_map_contrast(void **state) {
     (void)state;
@@ -1169,7 +1197,7 @@ int hydra_test_lights(void) {
         cmocka_unit_test(test_polygon_irradiance), cmocka_unit_test(test_tree_probabilities), cmocka_unit_test(test_tree_frequencies),
         cmocka_unit_test(test_tree_variance), cmocka_unit_test(test_tree_shapes), cmocka_unit_test(test_tree_extremes),
         cmocka_unit_test(test_tree_million), cmocka_unit_test(test_map_density), cmocka_unit_test(test_map_bright_texel),
-        cmocka_unit_test(test_map_contrast), cmocka_unit_test(test_map_orientation), cmocka_unit_test(test_constant_environment),
+        cmocka_unit_test(test_map_shares), cmocka_unit_test(test_map_contrast), cmocka_unit_test(test_map_orientation), cmocka_unit_test(test_constant_environment),
         cmocka_unit_test(test_groups), cmocka_unit_test(test_textured_triangle), cmocka_unit_test(test_degenerate_points)
     };
     return cmocka_run_group_tests_name("lights", tests, NULL, NULL);

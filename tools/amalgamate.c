@@ -86,6 +86,7 @@ static const char *const parts[] = {
     "src/render/read.h",
     "src/render/share.h",
     "src/render/estimate.h",
+    "src/render/selftest.h",
 };
 
 static const char *const license_file = "LICENSE";

@@ -107,7 +107,7 @@ HYK_FN hyk_bsdf_sample hyk_sample_window(hyk_view view, hyk_bsdf_sample r, hyk_b
         if (!(g > 0.0f)) return r;
         r.wi = hyk_refract(wo, hyk_make3(0.0f, 0.0f, 1.0f), wo.z, g, bsdf.glass_eta);
         hyk_real cos_outside = hyk_bsdf_is(bsdf, HYK_BSDF_INSIDE) ? -r.wi.z : wo.z;
-        t = hyk_glass_facet_passes(view, bsdf, wo.z, cos_outside) / (bsdf.glass_eta * bsdf.glass_eta);
+        t = hyk_glass_facet_passes(view, bsdf, wo.z, g, cos_outside) / (bsdf.glass_eta * bsdf.glass_eta);
     }
     r.pdf = chance;
     r.specular = hyk_scale(bsdf.base_color, bsdf.glass * t / chance);

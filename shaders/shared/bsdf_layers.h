@@ -76,12 +76,12 @@ HYK_FN hyk_real hyk_glass_facet_reflects(hyk_view view, hyk_bsdf bsdf, hyk_real 
     hyk_real cos_t = hyk_refracted_cosine(cos_h, bsdf.glass_eta) / bsdf.glass_eta;
     return f + (1.0f - f) * (1.0f - hyk_coat_pass(view, bsdf, cos_t));
 }
-/* cos_outside: of the pair's direction outside the body, to the macro normal. */
-HYK_FN hyk_real hyk_glass_facet_passes(hyk_view view, hyk_bsdf bsdf, hyk_real cos_h, hyk_real cos_outside) {
-    hyk_real t = 1.0f - hyk_fresnel_dielectric(cos_h, bsdf.glass_eta);
+/* g: glass_eta times the refracted cosine; cos_outside: of the pair's direction outside the body, to the macro
+   normal. */
+HYK_FN hyk_real hyk_glass_facet_passes(hyk_view view, hyk_bsdf bsdf, hyk_real cos_h, hyk_real g, hyk_real cos_outside) {
+    hyk_real t = 1.0f - hyk_fresnel_of_pair(cos_h, g, bsdf.glass_eta);
     if (!(bsdf.coat > 0.0f)) return t;
-    hyk_real cos_facet = cos_h;
-    if (hyk_bsdf_is(bsdf, HYK_BSDF_INSIDE)) cos_facet = hyk_refracted_cosine(cos_h, bsdf.glass_eta) / bsdf.glass_eta;
+    hyk_real cos_facet = hyk_bsdf_is(bsdf, HYK_BSDF_INSIDE) ? g / bsdf.glass_eta : cos_h;
     return t * hyk_min(hyk_coat_pass(view, bsdf, cos_outside), hyk_coat_pass(view, bsdf, cos_facet));
 }
 
@@ -103,7 +103,7 @@ HYK_FN hyk_layers hyk_layers_of_glass(hyk_view view, hyk_bsdf bsdf, hyk_layers r
     if (!hyk_bsdf_is(bsdf, HYK_BSDF_GLASS_SMOOTH) && bsdf.at_near != 0u) {
         r.glass_lost = hyk_saturate(hyk_energy_lookup(view, bsdf.at_near, bsdf.rows, column));
         hyk_real more = hyk_energy_lookup(view, bsdf.at_near + HYK_ENERGY_PLANE, bsdf.rows, column);
-        r.glass_back = hyk_clamp(r.glass_back + more, 0.0f, whole - r.glass_lost);
+        r.glass_back = hyk_clamp(r.glass_back + more, 0.0f, hyk_max(whole - r.glass_lost, 0.0f));
     }
     r.glass_along = hyk_max(whole - r.glass_lost - r.glass_back, 0.0f);
     return r;
@@ -162,7 +162,8 @@ HYK_FN hyk_real hyk_inverse_mean(hyk_real mean) {
    and lossless; both sides' divisions should be near that of their first scattering: the geometric mean of
    the two betas that would make them equal, kept where both divisions are at most 1. */
 HYK_FN hyk_bsdf hyk_divide_glass(hyk_view view, hyk_bsdf r) {
-    hyk_real near_lost = hyk_energy_mean(view, r.at_near, r.rows), far_lost = hyk_energy_mean(view, r.at_far, r.rows);
+    hyk_real near_lost = hyk_energy_mean_lost(view, r.at_near, r.rows, r.alpha);
+    hyk_real far_lost = hyk_energy_mean_lost(view, r.at_far, r.rows, r.alpha);
     if (!(hyk_min(near_lost, far_lost) > HYK_ENERGY_LEAST)) return r;
     hyk_real near_back = hyk_energy_mean(view, r.at_near + HYK_ENERGY_PLANE, r.rows);
     hyk_real far_back = hyk_energy_mean(view, r.at_far + HYK_ENERGY_PLANE, r.rows);
@@ -206,7 +207,7 @@ HYK_FN hyk_bsdf hyk_set_energy(hyk_view view, hyk_bsdf r, hyk_material material,
     r.at_plastic = hyk_energy_plane(view, header, HYK_ENERGY_AT_PLASTIC);
     r.at_coat = hyk_energy_plane(view, header, HYK_ENERGY_AT_COAT);
     if (r.at_metal != 0u) {
-        hyk_real lost = hyk_energy_mean(view, r.at_metal, r.rows);
+        hyk_real lost = hyk_energy_mean_lost(view, r.at_metal, r.rows, r.alpha);
         r.metal_scale = hyk_inverse_mean(lost);
         r.bounce = hyk_make3(hyk_multiple_scattering(mean.x, 1.0f - lost), hyk_multiple_scattering(mean.y, 1.0f - lost),
                              hyk_multiple_scattering(mean.z, 1.0f - lost));

@@ -180,11 +180,11 @@ HYK_FN hyk_bsdf_value hyk_add_refracted(hyk_bsdf_value r, hyk_view view, hyk_bsd
                                         hyk_uint features) {
     hyk_vec3 h = hyk_half_refracted(wo, wi, bsdf.glass_eta);
     hyk_real cos_h = hyk_dot(wo, h);
-    if (!(cos_h > 0.0f) || !(hyk_dot(wi, h) < 0.0f)) return r;
-    hyk_real g = hyk_refracted_cosine(cos_h, bsdf.glass_eta);
+    hyk_real g = bsdf.glass_eta * -hyk_dot(wi, h); /* not from cos_h: the same from both sides, and near total reflection sharp */
+    if (!(cos_h > 0.0f) || !(g > 0.0f)) return r;
     hyk_real d = hyk_ggx_distribution(h, bsdf.alpha) * hyk_refraction_jacobian(cos_h, g, bsdf.glass_eta);
     hyk_real cos_outside = hyk_bsdf_is(bsdf, HYK_BSDF_INSIDE) ? -wi.z : wo.z;
-    hyk_real t = hyk_glass_facet_passes(view, bsdf, cos_h, cos_outside) * d * hyk_ggx_visibility(wo, wi, bsdf.alpha);
+    hyk_real t = hyk_glass_facet_passes(view, bsdf, cos_h, g, cos_outside) * d * hyk_ggx_visibility(wo, wi, bsdf.alpha);
     r.specular = hyk_add_scaled(r.specular, bsdf.base_color, bsdf.glass * t / (bsdf.glass_eta * bsdf.glass_eta));
     r.pdf += q.facets * (1.0f - hyk_facet_reflects(bsdf, cos_h, features)) * hyk_ggx_pdf_reflected(wo, d, bsdf.alpha);
     return r;

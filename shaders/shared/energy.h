@@ -76,6 +76,16 @@ HYK_FN hyk_real hyk_energy_mean(hyk_view view, hyk_uint plane, hyk_energy_rows r
     return hyk_lerp(HYK_LOAD_ENERGY(view, i), HYK_LOAD_ENERGY(view, i + HYK_ENERGY_STRIDE), rows.share);
 }
 
+/* Mean of a plane of losses. Those fall as alpha^2 log(1 / alpha), which no straight line between rows follows:
+   their means are stored over this. */
+HYK_FN hyk_real hyk_energy_lost_scale(hyk_real alpha) {
+    hyk_real a = hyk_max(alpha, HYK_SMOOTH_ALPHA);
+    return a * a * hyk_lost_norm(a);
+}
+HYK_FN hyk_real hyk_energy_mean_lost(hyk_view view, hyk_uint plane, hyk_energy_rows rows, hyk_real alpha) {
+    return hyk_saturate(hyk_energy_mean(view, plane, rows) * hyk_energy_lost_scale(alpha));
+}
+
 /* One row, linearly in the column. */
 HYK_FN hyk_real hyk_energy_in_row(hyk_view view, hyk_uint row, hyk_real column) {
     hyk_uint i = hyk_energy_interval(column, HYK_ENERGY_COLUMNS - 1u);

@@ -14,17 +14,19 @@ HYK_FN hyk_real hyk_refracted_cosine(hyk_real cos_o, hyk_real eta) {
     return hyk_safe_sqrt(cos_o * cos_o + (eta - 1.0f) * (eta + 1.0f));
 }
 
-/* Unpolarised reflectance of a dielectric. With e = eta^2 - 1 and g = eta cos_t the amplitudes are
+/* Unpolarised reflectance of a dielectric, of both cosines, g = eta cos_t. With e = eta^2 - 1 the amplitudes are
    r_s = -e / (cos_o + g)^2 and r_p = e (cos_o^2 (eta^2 + 1) - 1) / (eta^2 cos_o + g)^2. */
-HYK_FN hyk_real hyk_fresnel_dielectric(hyk_real cos_o, hyk_real eta) {
-    hyk_real c = hyk_saturate(cos_o);
+HYK_FN hyk_real hyk_fresnel_of_pair(hyk_real c, hyk_real g, hyk_real eta) {
     hyk_real e = (eta - 1.0f) * (eta + 1.0f);
-    hyk_real g = hyk_refracted_cosine(c, eta);
     if (!(g > 0.0f)) return e == 0.0f ? 0.0f : 1.0f;
     hyk_real s = c + g, p = eta * eta * c + g;
     hyk_real r_s = e / (s * s);
     hyk_real r_p = e * (c * c * (eta * eta + 1.0f) - 1.0f) / (p * p);
     return hyk_min(0.5f * (r_s * r_s + r_p * r_p), 1.0f);
+}
+HYK_FN hyk_real hyk_fresnel_dielectric(hyk_real cos_o, hyk_real eta) {
+    hyk_real c = hyk_saturate(cos_o);
+    return hyk_fresnel_of_pair(c, hyk_refracted_cosine(c, eta), eta);
 }
 
 /* Unpolarised reflectance of a medium of index eta + i k. With (a + i b)^2 = (eta + i k)^2 - sin^2:

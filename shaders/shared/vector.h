@@ -77,7 +77,11 @@ HYK_FN hyk_uint hyk_min_uint(hyk_uint a, hyk_uint b) { return a < b ? a : b; }
 HYK_FN hyk_uint hyk_max_uint(hyk_uint a, hyk_uint b) { return a > b ? a : b; }
 HYK_FN hyk_uint hyk_float_bits(float x) { hyk_uint r; memcpy(&r, &x, sizeof r); return r; }
 HYK_FN float hyk_bits_float(hyk_uint x) { float r; memcpy(&r, &x, sizeof r); return r; }
+#if HYK_REAL_IS_FLOAT /* by the exponent's bits: fast-math assumes comparisons with NaN away */
+HYK_FN hyk_bool hyk_is_finite(hyk_real x) { return (hyk_float_bits(x) & 0x7f800000u) != 0x7f800000u; }
+#else
 HYK_FN hyk_bool hyk_is_finite(hyk_real x) { return hyk_abs(x) <= HYK_REAL_MAX; }
+#endif
 HYK_FN hyk_uint hyk_reverse_bits(hyk_uint x) {
     x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
     x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);

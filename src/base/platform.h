@@ -82,14 +82,8 @@
     } while (0)
 
 #define HYI_COUNT(array) (sizeof(array) / sizeof((array)[0]))
-#define HYI_CONCAT2(a, b) a##b
-#define HYI_CONCAT(a, b) HYI_CONCAT2(a, b)
-#define HYI_STATIC_ASSERT(condition) typedef char HYI_CONCAT(hyi_assert_, __LINE__)[(condition) ? 1 : -1] HYI_UNUSED_TYPE
-#if HYI_GNU
-#define HYI_UNUSED_TYPE __attribute__((unused))
-#else
-#define HYI_UNUSED_TYPE
-#endif
+/* A declaration that may be repeated, of a function that is never defined. */
+#define HYI_STATIC_ASSERT(condition) extern void hyi_assert_holds(char (*)[(condition) ? 1 : -1])
 
 /* A product kept as its own rounded value: with FMA or fast-math the compiler would otherwise merge it
    into a following sum. Costs no instruction. */

@@ -59,30 +59,44 @@ HYI_INLINE HYI_AVX2 uint32_t hyi_boxes_avx2(const hyi_slabs8 *s, const hyi_node 
     return (uint32_t)_mm256_movemask_ps(_mm256_cmp_ps(enter, leave, _CMP_LE_OQ));
 }
 
-HYI_INLINE HYI_AVX2 void hyi_shear8(const hyi_aim *aim, const float *row, uint32_t stride, __m256 *x, __m256 *y) {
-    __m256 z = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[2] * stride), _mm256_broadcast_ss(&aim->origin[2])));
+/* Corners in the sheared frame, eight at once. */
+typedef struct hyi_corner8 {
+    __m256 x, y, z;
+} hyi_corner8;
+
+HYI_INLINE HYI_AVX2 hyi_corner8 hyi_shear8(const hyi_aim *aim, const float *row, uint32_t stride) {
+    hyi_corner8 p;
+    p.z = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[2] * stride), _mm256_broadcast_ss(&aim->origin[2])));
     __m256 dx = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[0] * stride), _mm256_broadcast_ss(&aim->origin[0])));
     __m256 dy = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[1] * stride), _mm256_broadcast_ss(&aim->origin[1])));
-    *x = hyi_rounded8(_mm256_sub_ps(dx, hyi_rounded8(_mm256_mul_ps(_mm256_broadcast_ss(&aim->shear[0]), z))));
-    *y = hyi_rounded8(_mm256_sub_ps(dy, hyi_rounded8(_mm256_mul_ps(_mm256_broadcast_ss(&aim->shear[1]), z))));
+    p.x = hyi_rounded8(_mm256_sub_ps(dx, hyi_rounded8(_mm256_mul_ps(_mm256_broadcast_ss(&aim->shear[0]), p.z))));
+    p.y = hyi_rounded8(_mm256_sub_ps(dy, hyi_rounded8(_mm256_mul_ps(_mm256_broadcast_ss(&aim->shear[1]), p.z))));
+    return p;
 }
 
-HYI_INLINE HYI_AVX2 __m256 hyi_cross8(__m256 p, __m256 q, __m256 r, __m256 s) {
-    return _mm256_sub_ps(hyi_rounded8(_mm256_mul_ps(p, q)), hyi_rounded8(_mm256_mul_ps(r, s)));
+/* p.x q.y - p.y q.x */
+HYI_INLINE HYI_AVX2 __m256 hyi_cross8(hyi_corner8 p, hyi_corner8 q) {
+    return _mm256_sub_ps(hyi_rounded8(_mm256_mul_ps(p.x, q.y)), hyi_rounded8(_mm256_mul_ps(p.y, q.x)));
 }
 
-/* Lanes past count hold other triangles of the tree, or zeros at its end. */
+/* Lanes whose corners all lie beyond one of the limits: t of a hit is a mean of t at the corners. */
+HYI_INLINE HYI_AVX2 __m256 hyi_beyond8(const hyi_aim *aim, __m256 az, __m256 bz, __m256 cz) {
+    __m256 scale = _mm256_broadcast_ss(&aim->inverse_z);
+    __m256 a = _mm256_mul_ps(az, scale), b = _mm256_mul_ps(bz, scale), c = _mm256_mul_ps(cz, scale);
+    __m256 first = _mm256_min_ps(_mm256_min_ps(a, b), c), last = _mm256_max_ps(_mm256_max_ps(a, b), c);
+    return _mm256_or_ps(_mm256_cmp_ps(first, _mm256_broadcast_ss(&aim->t_far), _CMP_GT_OQ),
+                        _mm256_cmp_ps(last, _mm256_broadcast_ss(&aim->t_near), _CMP_LT_OQ));
+}
+
+/* Bits of the triangles that need a closer look. Lanes past count hold other triangles of the tree, or zeros. */
 HYI_INLINE HYI_AVX2 uint32_t hyi_triangles_avx2(const hyi_aim *aim, const float *rows, uint32_t count) {
-    __m256 ax, ay, bx, by, cx, cy;
-    hyi_shear8(aim, rows, count, &ax, &ay);
-    hyi_shear8(aim, rows + 3u * count, count, &bx, &by);
-    hyi_shear8(aim, rows + 6u * count, count, &cx, &cy);
-    __m256 a = hyi_cross8(cx, by, cy, bx), b = hyi_cross8(ax, cy, ay, cx), c = hyi_cross8(bx, ay, by, ax);
+    hyi_corner8 p = hyi_shear8(aim, rows, count), q = hyi_shear8(aim, rows + 3u * count, count), r = hyi_shear8(aim, rows + 6u * count, count);
+    __m256 a = hyi_cross8(r, q), b = hyi_cross8(p, r), c = hyi_cross8(q, p);
     __m256 zero = _mm256_setzero_ps();
     __m256 below = _mm256_cmp_ps(_mm256_min_ps(_mm256_min_ps(a, b), c), zero, _CMP_LT_OQ);
     __m256 above = _mm256_cmp_ps(_mm256_max_ps(_mm256_max_ps(a, b), c), zero, _CMP_GT_OQ);
-    uint32_t differ = (uint32_t)_mm256_movemask_ps(_mm256_and_ps(below, above));
-    return ~differ & ((1u << count) - 1u);
+    __m256 out = _mm256_or_ps(_mm256_and_ps(below, above), hyi_beyond8(aim, p.z, q.z, r.z));
+    return ~(uint32_t)_mm256_movemask_ps(out) & ((1u << count) - 1u);
 }
 
 /* One node of a tree that is not the innermost: boxes of instances or of light shapes. */

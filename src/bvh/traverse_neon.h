@@ -42,29 +42,42 @@ HYI_INLINE uint32_t hyi_boxes_neon(const hyi_aim *aim, const hyi_node *node, flo
     return hyi_boxes4(aim, node, 0u, t) | hyi_boxes4(aim, node, 4u, t);
 }
 
-HYI_INLINE void hyi_shear4(const hyi_aim *aim, const float *row, uint32_t stride, float32x4_t *x, float32x4_t *y) {
-    float32x4_t z = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[2] * stride), vdupq_n_f32(aim->origin[2])));
+/* Corners in the sheared frame, four at once. */
+typedef struct hyi_corner4 {
+    float32x4_t x, y, z;
+} hyi_corner4;
+
+HYI_INLINE hyi_corner4 hyi_shear4(const hyi_aim *aim, const float *row, uint32_t stride) {
+    hyi_corner4 p;
+    p.z = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[2] * stride), vdupq_n_f32(aim->origin[2])));
     float32x4_t dx = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[0] * stride), vdupq_n_f32(aim->origin[0])));
     float32x4_t dy = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[1] * stride), vdupq_n_f32(aim->origin[1])));
-    *x = hyi_rounded4(vsubq_f32(dx, hyi_rounded4(vmulq_n_f32(z, aim->shear[0]))));
-    *y = hyi_rounded4(vsubq_f32(dy, hyi_rounded4(vmulq_n_f32(z, aim->shear[1]))));
+    p.x = hyi_rounded4(vsubq_f32(dx, hyi_rounded4(vmulq_n_f32(p.z, aim->shear[0]))));
+    p.y = hyi_rounded4(vsubq_f32(dy, hyi_rounded4(vmulq_n_f32(p.z, aim->shear[1]))));
+    return p;
 }
 
-HYI_INLINE float32x4_t hyi_cross4(float32x4_t p, float32x4_t q, float32x4_t r, float32x4_t s) {
-    return vsubq_f32(hyi_rounded4(vmulq_f32(p, q)), hyi_rounded4(vmulq_f32(r, s)));
+/* p.x q.y - p.y q.x */
+HYI_INLINE float32x4_t hyi_cross4(hyi_corner4 p, hyi_corner4 q) {
+    return vsubq_f32(hyi_rounded4(vmulq_f32(p.x, q.y)), hyi_rounded4(vmulq_f32(p.y, q.x)));
+}
+
+/* Lanes whose corners all lie beyond one of the limits: t of a hit is a mean of t at the corners. */
+HYI_INLINE uint32x4_t hyi_beyond4(const hyi_aim *aim, float32x4_t az, float32x4_t bz, float32x4_t cz) {
+    float32x4_t a = vmulq_n_f32(az, aim->inverse_z), b = vmulq_n_f32(bz, aim->inverse_z), c = vmulq_n_f32(cz, aim->inverse_z);
+    float32x4_t first = vminq_f32(vminq_f32(a, b), c), last = vmaxq_f32(vmaxq_f32(a, b), c);
+    return vorrq_u32(vcgtq_f32(first, vdupq_n_f32(aim->t_far)), vcltq_f32(last, vdupq_n_f32(aim->t_near)));
 }
 
 /* Four triangles from lane on: the rows are read lane floats further on. */
 HYI_INLINE uint32_t hyi_triangles4(const hyi_aim *aim, const float *rows, uint32_t count, uint32_t lane) {
-    float32x4_t ax, ay, bx, by, cx, cy;
     rows += lane;
-    hyi_shear4(aim, rows, count, &ax, &ay);
-    hyi_shear4(aim, rows + 3u * count, count, &bx, &by);
-    hyi_shear4(aim, rows + 6u * count, count, &cx, &cy);
-    float32x4_t a = hyi_cross4(cx, by, cy, bx), b = hyi_cross4(ax, cy, ay, cx), c = hyi_cross4(bx, ay, by, ax);
+    hyi_corner4 p = hyi_shear4(aim, rows, count), q = hyi_shear4(aim, rows + 3u * count, count), r = hyi_shear4(aim, rows + 6u * count, count);
+    float32x4_t a = hyi_cross4(r, q), b = hyi_cross4(p, r), c = hyi_cross4(q, p);
     uint32x4_t below = vcltzq_f32(vminq_f32(vminq_f32(a, b), c));
     uint32x4_t above = vcgtzq_f32(vmaxq_f32(vmaxq_f32(a, b), c));
-    return (~hyi_mask4(vandq_u32(below, above)) & 15u) << lane;
+    uint32x4_t out = vorrq_u32(vandq_u32(below, above), hyi_beyond4(aim, p.z, q.z, r.z));
+    return (~hyi_mask4(out) & 15u) << lane;
 }
 
 HYI_INLINE uint32_t hyi_triangles_neon(const hyi_aim *aim, const float *rows, uint32_t count) {

@@ -21,6 +21,8 @@
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
 #define HYI_STEADY 7.52316384526264e-37f     /* 2^-120: the smallest direction component */
 
+#define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
+
 /* A ray in the units of one tree. t here times unit is t of the ray. */
 typedef struct hyi_aim {
     float near_origin[3], far_origin[3]; /* the origin moved by the error bound: slabs only get thicker */
@@ -29,7 +31,9 @@ typedef struct hyi_aim {
     uint32_t near_plane[3];              /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
     uint32_t axis[3];                    /* x, y, z of the sheared frame; z is the direction's largest */
     float origin[3], shear[2];           /* in the order of axis */
-    double inverse_z, unit, inverse_unit;
+    float inverse_z;                     /* t here by distance along z */
+    double t_by_z;                       /* t of the ray by distance along z */
+    double unit, inverse_unit;
 } hyi_aim;
 
 /* What a triangle must beat, and the answer. */
@@ -101,13 +105,15 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     for (int a = 0; a < 3; a++) aim->origin[a] = o[aim->axis[a]];
     aim->shear[0] = d[aim->axis[0]] / d[z];
     aim->shear[1] = d[aim->axis[1]] / d[z];
-    aim->inverse_z = 1.0 / (double)d[z];
+    aim->t_by_z = 1.0 / (double)d[z];
+    aim->inverse_z = (float)aim->t_by_z;
+    aim->t_by_z *= aim->unit;
 }
 
 /* The farthest t worth visiting, rounded outwards. */
 HYI_INLINE void hyi_aim_limit(hyi_aim *aim, float t) {
     float here = (float)((double)(t < FLT_MAX ? t : FLT_MAX) * aim->inverse_unit);
-    aim->t_far = here + (2.0f * HYI_ULP) * fabsf(here);
+    aim->t_far = here + 4.0f * HYI_ULP * fabsf(here);
 }
 
 /* Makes a ray ready for a tree that is not empty; false: it has no direction and hits nothing. */
@@ -118,7 +124,7 @@ HYI_NOINLINE bool hyi_aim_at(hyi_aim *aim, const hyi_bvh *bvh, const float *orig
     hyi_aim_shear(aim, o, d);
     hyi_aim_slabs(aim, &bvh->scaled, o, d, loose);
     float here = (float)((double)t_min * aim->inverse_unit);
-    aim->t_near = here - (2.0f * HYI_ULP) * fabsf(here);
+    aim->t_near = here - 4.0f * HYI_ULP * fabsf(here);
     hyi_aim_limit(aim, t_max);
     return true;
 }
@@ -137,26 +143,24 @@ HYI_INLINE double hyi_cross_exact(float p, float q, float r, float s) {
     return (double)p * (double)q - (double)r * (double)s;
 }
 
-/* Whether the ray meets triangle lane of a leaf within its limits: t in units of the ray, u, v. Any flag of
-   the compiler may reorder the last steps, but there is one copy of them. */
-HYI_NOINLINE bool hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float *t, float *u, float *v) {
+/* t of the ray (not of the tree's units), or HYI_NO_HIT; weights: u and v. Any flag of the compiler may
+   reorder the last steps, but there is one copy of them. */
+HYI_NOINLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float weights[2]) {
     float ax, ay, bx, by, cx, cy;
     rows += lane;
     hyi_shear_corner(aim, rows, stride, &ax, &ay);
     hyi_shear_corner(aim, rows + 3u * stride, stride, &bx, &by);
     hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
     double a = hyi_cross_exact(cx, by, cy, bx), b = hyi_cross_exact(ax, cy, ay, cx), c = hyi_cross_exact(bx, ay, by, ax);
-    if ((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) return false;
+    if ((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) return HYI_NO_HIT;
     double sum = a + b + c;
-    if (sum == 0.0) return false;
+    if (sum == 0.0) return HYI_NO_HIT;
     const float *z = rows + aim->axis[2] * stride;
-    double origin = (double)aim->origin[2];
+    double origin = (double)aim->origin[2], inverse = 1.0 / sum;
     double distance = a * ((double)z[0] - origin) + b * ((double)z[3u * stride] - origin) + c * ((double)z[6u * stride] - origin);
-    double inverse = 1.0 / sum;
-    *t = (float)(distance * inverse * aim->inverse_z * aim->unit);
-    *u = (float)(b * inverse);
-    *v = (float)(c * inverse);
-    return true;
+    weights[0] = (float)(b * inverse);
+    weights[1] = (float)(c * inverse);
+    return (float)(distance * aim->t_by_z * inverse);
 }
 
 /* Ties of equal t go to the smaller instance, then the smaller primitive; t_max itself counts as a hit. */

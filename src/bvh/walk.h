@@ -114,16 +114,16 @@ HYI_INLINE void hyi_walk_stop(hyi_walk *walk) {
 
 /* Decides on one triangle of the leaf that at names. Returns whether it is the new best. */
 HYI_INLINE bool hyi_walk_offer(hyi_walk *walk, uint32_t lane, uint32_t flags) {
-    float t, u, v;
-    if (!hyi_confirm(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(walk->at), lane, &t, &u, &v)) return false;
+    float weights[2];
+    float t = hyi_confirm(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(walk->at), lane, weights);
     if (!(t >= walk->ray->t_min && t <= walk->best.t)) return false;
     uint32_t primitive = walk->bvh->ids[hyi_leaf_first(walk->at) + lane];
     if (!hyi_beats(&walk->best, t, walk->instance, primitive)) return false;
     if ((flags & HYI_WALK_ALPHA) && walk->asks_alpha &&
-        !hyk_hit_is_opaque(walk->accel->view, walk->instance, primitive, u, v, *walk->ray)) return false;
+        !hyk_hit_is_opaque(walk->accel->view, walk->instance, primitive, weights[0], weights[1], *walk->ray)) return false;
     walk->best.t = t;
-    walk->best.u = u;
-    walk->best.v = v;
+    walk->best.u = weights[0];
+    walk->best.v = weights[1];
     walk->best.instance = walk->instance;
     walk->best.primitive = primitive;
     hyi_aim_limit(&walk->aim, t);
@@ -186,7 +186,9 @@ HYI_NOINLINE void hyi_walk_enter(hyi_walk *walk) {
     walk->stack[walk->waiting++].t = 0.0f;
 }
 
-HYI_INLINE float hyi_finite_limit(float t_max) { return t_max < FLT_MAX ? t_max : FLT_MAX; }
+/* Limits end short of HYI_NO_HIT. */
+#define HYI_T_LIMIT 3.0e38f
+HYI_INLINE float hyi_finite_limit(float t_max) { return t_max < HYI_T_LIMIT ? t_max : HYI_T_LIMIT; }
 
 /* Sets a ray on its way through one tree, looking no farther than limit. */
 HYI_NOINLINE void hyi_walk_begin_tree(hyi_walk *walk, const hyi_accel *accel, const hyi_bvh *bvh, const hyk_ray *ray, float limit) {

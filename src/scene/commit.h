@@ -203,7 +203,7 @@ HYI_FN uint32_t hyi_placed_needs(hydra_scene *scene, const hyk_instance *placed)
 
 HYI_FN uint32_t hyi_scene_needs(hydra_scene *scene) {
     uint32_t needs = scene->placed_count > 1 ? HYK_NEEDS_INSTANCES : 0u;
-    memset(scene->view_alpha, 0, scene->mesh_count);
+    for (size_t i = 0; i < scene->mesh_count; i++) scene->view_alpha[i] = 0;
     for (size_t i = 0; i < scene->placed_count; i++) needs |= hyi_placed_needs(scene, &scene->placed[i]);
     if (scene->view.constants.finite_lights) needs |= HYK_NEEDS_EMITTERS;
     if (scene->view.constants.suns) needs |= HYK_NEEDS_SUNS;

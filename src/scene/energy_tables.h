@@ -116,7 +116,7 @@ HYI_FN void hyi_energy_add_glass(const hyi_energy_build *build, const hyk_bsdf *
     hyk_real along = 0.0f, stopped_along = 1.0f;
     if (g > 0.0f) {
         wi = hyk_refract(wo, h, cos_h, g, bsdf->glass_eta);
-        along = hyk_glass_facet_passes(&build->view, *bsdf, cos_h, inside ? hyk_max(-wi.z, 0.0f) : wo.z);
+        along = hyk_glass_facet_passes(&build->view, *bsdf, cos_h, g, inside ? hyk_max(-wi.z, 0.0f) : wo.z);
         if (wi.z < 0.0f) stopped_along = hyk_ggx_stopped(wo, wi, bsdf->alpha);
     }
     /* Without a coat back + along is 1, but for rounding that would swamp the small losses. */
@@ -262,7 +262,7 @@ HYI_FN void hyi_energy_metal_row(hyi_energy_build *build, const hyi_energy_job *
         lost[c] = (float)sums.lost;
         schlick[c] = (float)(sums.schlick - hyi_smooth_schlick(build, bsdf, cosine));
     }
-    lost[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, lost, NULL);
+    lost[HYK_ENERGY_COLUMNS] = (float)(hyi_energy_row_mean(build, bsdf, lost, NULL) / (double)hyk_energy_lost_scale(bsdf.alpha));
     schlick[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, schlick, hyi_smooth_schlick);
 }
 
@@ -279,7 +279,7 @@ HYI_FN void hyi_energy_plastic_row(hyi_energy_build *build, const hyi_energy_job
     float *row = build->tables + job->at + r * HYK_ENERGY_STRIDE;
     const float *lost = build->tables + job->at_metal + r * HYK_ENERGY_STRIDE;
     hyk_bsdf bsdf = hyi_energy_bsdf(build, job, hyk_energy_row_alpha((hyk_real)r), true);
-    hyk_real bounce = hyk_multiple_scattering((hyk_real)hyi_dielectric_mean(&build->gauss, job->ior), 1.0f - lost[HYK_ENERGY_COLUMNS]);
+    hyk_real bounce = hyk_multiple_scattering((hyk_real)hyi_dielectric_mean(&build->gauss, job->ior), 1.0f - lost[HYK_ENERGY_COLUMNS] * hyk_energy_lost_scale(bsdf.alpha));
     for (uint32_t c = 0; c < HYK_ENERGY_COLUMNS; c++) {
         hyk_real cosine = hyk_energy_cosine((hyk_real)c, bsdf.alpha);
         double back = hyi_energy_integrate(build, &bsdf, false, cosine).dielectric;
@@ -299,7 +299,7 @@ HYI_FN void hyi_energy_glass_row(hyi_energy_build *build, const hyi_energy_job *
             lost[c] = (float)sums.glass_lost;
             back[c] = (float)(sums.glass_back - hyi_smooth_glass(build, bsdf, cosine));
         }
-        lost[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, lost, NULL);
+        lost[HYK_ENERGY_COLUMNS] = (float)(hyi_energy_row_mean(build, bsdf, lost, NULL) / (double)hyk_energy_lost_scale(bsdf.alpha));
         back[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, back, hyi_smooth_glass);
     }
 }

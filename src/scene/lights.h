@@ -302,8 +302,8 @@ HYI_FN hyi_box hyi_shape_box(const hyk_light *light) {
     hyi_box box;
     for (int i = 0; i < 3; i++) {
         float slack = 4.0f * FLT_EPSILON * (fabsf(center[i]) + half[i]);
-        box.lower[i] = center[i] - half[i] - slack;
-        box.upper[i] = center[i] + half[i] + slack;
+        box.lower[i] = fmaxf(center[i] - half[i] - slack, -FLT_MAX);
+        box.upper[i] = fminf(center[i] + half[i] + slack, FLT_MAX);
     }
     return box;
 }
