@@ -635,7 +635,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>shared-texture           texels, wrapping, bilinear lookup in one mip level
      >>shared-sampler           Owen-scrambled Sobol points, spread over the screen like blue noise
      >>shared-sampling          warps of the unit square, their densities, and the weights of multiple importance sampling
-     >>shared-alpha             which candidate hits stop a ray, decided inside the traversal
+     >>shared-alpha             a triangle's material and uv, and which candidate hits stop a ray, decided inside the traversal
      >>shared-shape             lights that rays can hit: rectangle, disc, sphere
      >>shared-surface           what stands at a hit: place and its error bound, normals, material with textures applied
      >>shared-fresnel           reflectance of smooth interfaces, mirrored and refracted directions
@@ -1616,7 +1616,7 @@ HYK_SIZE_IS(hyk_instance, 112)
 
 #define HYK_LIGHT_BOTH_SIDES 0x1u
 #define HYK_LIGHT_HIDDEN 0x2u
-#define HYK_LIGHT_TEXTURED 0x4u /* triangle: radiance is the mean; the material's emission at uv counts */
+#define HYK_LIGHT_TEXTURED 0x4u /* triangle: radiance is the mean; the material's emission and alpha at uv count */
 
 HYK_STRUCT(hyk_light) {
     hyk_vec3 position;  /* centre; TRIANGLE: vertex 0 */
@@ -2135,23 +2135,28 @@ HYK_FN hyk_real hyk_power_heuristic(hyk_real a, hyk_real b) {
 
 #endif /* HYK_SAMPLING_H */
 
-/* >>shared-alpha: which candidate hits stop a ray, decided inside the traversal */
+/* >>shared-alpha: a triangle's material and uv, and which candidate hits stop a ray, decided inside the traversal */
 #ifndef HYK_ALPHA_H
 #define HYK_ALPHA_H
 
-HYK_FN hyk_uint hyk_material_of(hyk_view view, hyk_instance placed, hyk_uint primitive) {
-    if (placed.material != HYK_NONE) return placed.material;
-    hyk_mesh mesh = HYK_LOAD_MESH(view, placed.mesh);
-    if ((mesh.flags & HYK_MESH_TRIANGLE_MATERIALS) != 0u) return HYK_LOAD_TRIANGLE_MATERIAL(view, placed.mesh, primitive);
-    return mesh.material;
+/* Index of the material on a triangle of a placed mesh. */
+HYK_FN hyk_uint hyk_triangle_material(hyk_view view, hyk_uint instance, hyk_uint triangle) {
+    hyk_uint own = HYK_LOAD_INSTANCE(view, instance).material;
+    if (own != HYK_NONE) return own;
+    hyk_uint mesh = HYK_LOAD_INSTANCE(view, instance).mesh;
+    hyk_mesh m = HYK_LOAD_MESH(view, mesh);
+    if ((m.flags & HYK_MESH_TRIANGLE_MATERIALS) != 0u) return HYK_LOAD_TRIANGLE_MATERIAL(view, mesh, triangle);
+    return m.material;
 }
 
-HYK_FN hyk_vec2 hyk_interpolate_uv(hyk_view view, hyk_uint mesh, hyk_uint primitive, hyk_real u, hyk_real v) {
-    hyk_vec2 a = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * primitive));
-    hyk_vec2 b = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * primitive + 1u));
-    hyk_vec2 c = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * primitive + 2u));
-    hyk_real w = 1.0f - u - v;
-    return hyk_make2(w * a.x + u * b.x + v * c.x, w * a.y + u * b.y + v * c.y);
+/* uv at the weights of vertex 1 and vertex 2; zero where the mesh has none. */
+HYK_FN hyk_vec2 hyk_triangle_uv(hyk_view view, hyk_uint mesh, hyk_uint triangle, hyk_vec2 weights) {
+    if ((HYK_LOAD_MESH(view, mesh).flags & HYK_MESH_HAS_UVS) == 0u) return hyk_make2(0.0f, 0.0f);
+    hyk_vec2 a = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * triangle));
+    hyk_vec2 b = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * triangle + 1u));
+    hyk_vec2 c = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * triangle + 2u));
+    return hyk_make2(a.x + (b.x - a.x) * weights.x + (c.x - a.x) * weights.y,
+                     a.y + (b.y - a.y) * weights.x + (c.y - a.y) * weights.y);
 }
 
 HYK_FN hyk_real hyk_alpha_at(hyk_view view, hyk_material material, hyk_vec2 uv) {
@@ -2171,16 +2176,22 @@ HYK_FN hyk_real hyk_alpha_threshold(hyk_ray ray, hyk_uint instance, hyk_uint pri
     return hyk_unit_real(hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.direction.z))));
 }
 
+/* Whether a surface of alpha there stops a ray that draws threshold. */
+HYK_FN hyk_bool hyk_alpha_stops(hyk_material material, hyk_real alpha, hyk_real threshold) {
+    if ((material.flags & HYK_MATERIAL_ALPHA_MASK) != 0u) return alpha >= material.alpha_cutoff;
+    return threshold < alpha;
+}
+
+HYK_FN hyk_bool hyk_material_has_alpha(hyk_material material) {
+    return (material.flags & (HYK_MATERIAL_ALPHA_MASK | HYK_MATERIAL_ALPHA_BLEND)) != 0u;
+}
+
 /* ray is in world space. */
 HYK_FN hyk_bool hyk_hit_is_opaque(hyk_view view, hyk_uint instance, hyk_uint primitive, hyk_real u, hyk_real v, hyk_ray ray) {
-    hyk_instance placed = HYK_LOAD_INSTANCE(view, instance);
-    hyk_material material = HYK_LOAD_MATERIAL(view, hyk_material_of(view, placed, primitive));
-    if ((material.flags & (HYK_MATERIAL_ALPHA_MASK | HYK_MATERIAL_ALPHA_BLEND)) == 0u) return true;
-    hyk_vec2 uv = hyk_make2(0.0f, 0.0f);
-    if ((HYK_LOAD_MESH(view, placed.mesh).flags & HYK_MESH_HAS_UVS) != 0u) uv = hyk_interpolate_uv(view, placed.mesh, primitive, u, v);
-    hyk_real alpha = hyk_alpha_at(view, material, uv);
-    if ((material.flags & HYK_MATERIAL_ALPHA_MASK) != 0u) return alpha >= material.alpha_cutoff;
-    return hyk_alpha_threshold(ray, instance, primitive) < alpha;
+    hyk_material material = HYK_LOAD_MATERIAL(view, hyk_triangle_material(view, instance, primitive));
+    if (!hyk_material_has_alpha(material)) return true;
+    hyk_vec2 uv = hyk_triangle_uv(view, HYK_LOAD_INSTANCE(view, instance).mesh, primitive, hyk_make2(u, v));
+    return hyk_alpha_stops(material, hyk_alpha_at(view, material, uv), hyk_alpha_threshold(ray, instance, primitive));
 }
 
 #endif /* HYK_ALPHA_H */
@@ -2419,7 +2430,7 @@ HYK_FN hyk_surface hyk_surface_at(hyk_view view, hyk_hit hit, hyk_vec3 direction
     s.shading = s.geometric;
     s.uv = hyk_make2(0.0f, 0.0f);
     s.uv_scale = 0.0f;
-    s.material = hyk_material_of(view, placed, hit.primitive);
+    s.material = hyk_triangle_material(view, hit.instance, hit.primitive);
     if (HYK_HAS(features, HYK_NEEDS_SMOOTH_NORMALS) && (mesh_flags & HYK_MESH_HAS_NORMALS) != 0u) {
         hyk_vec3 smooth_normal = hyk_smooth_normal(view, placed, t.weights, t.i0, t.i1, t.i2);
         if (hyk_length_squared(smooth_normal) > 0.5f)
@@ -2639,10 +2650,11 @@ HYK_FN hyk_real hyk_lost_pdf(hyk_real cos_i, hyk_real alpha) {
 /* >>shared-energy: tables of the energy that single scattering loses, and how they are read
 
    A plane holds one function of (cos, alpha): HYK_ENERGY_ROWS rows uniform in roughness = sqrt(alpha) from
-   0.01 to 1, each of HYK_ENERGY_COLUMNS values uniform in sqrt(x), x = cos (1 + 2 alpha) / (cos + 2 alpha), and
-   then the row's mean 2 integral f(cos) cos dcos. That x follows the features of masking, which sit at
-   cos ~ alpha, so that rows line up however small alpha is. What does not vanish with alpha is stored as the
-   difference to its smooth limit, so that nothing needs resolution at cos >> alpha.
+   0.01 to 1, each of HYK_ENERGY_COLUMNS values uniform in sqrt(x), x = cos (1 + 2 alpha) / (cos + 2 alpha). That
+   x follows the features of masking, which sit at cos ~ alpha, so that rows line up however small alpha is.
+   What does not vanish with alpha is stored as the difference to its smooth limit, so that nothing needs
+   resolution at cos >> alpha. After the rows come the means 2 integral f(cos) cos dcos, at finer steps of alpha:
+   they must be the means of what interpolation gives, or product lobes do not conserve energy.
 
    A material's header: its own constants and where its planes are (in units of eight floats, exact in float;
    0: it has none). Written by src/scene/energy_tables.h. */
@@ -2650,9 +2662,10 @@ HYK_FN hyk_real hyk_lost_pdf(hyk_real cos_i, hyk_real alpha) {
 #define HYK_ENERGY_H
 
 #define HYK_ENERGY_ROWS 32u
-#define HYK_ENERGY_COLUMNS 31u
-#define HYK_ENERGY_STRIDE 32u /* columns and the mean */
-#define HYK_ENERGY_PLANE 1024u
+#define HYK_ENERGY_COLUMNS 32u
+#define HYK_ENERGY_STRIDE 32u
+#define HYK_ENERGY_MEANS 8u /* per row */
+#define HYK_ENERGY_PLANE 1280u
 #define HYK_ENERGY_UNIT 8u
 
 #define HYK_ENERGY_HEADER 8u
@@ -2706,8 +2719,10 @@ HYK_FN hyk_energy_rows hyk_energy_rows_of(hyk_real alpha) {
 }
 
 HYK_FN hyk_real hyk_energy_mean(hyk_view view, hyk_uint plane, hyk_energy_rows rows) {
-    hyk_uint i = plane + rows.offset + HYK_ENERGY_COLUMNS;
-    return hyk_lerp(HYK_LOAD_ENERGY(view, i), HYK_LOAD_ENERGY(view, i + HYK_ENERGY_STRIDE), rows.share);
+    hyk_real x = rows.share * HYK_TO_REAL(HYK_ENERGY_MEANS);
+    hyk_uint j = hyk_energy_interval(x, HYK_ENERGY_MEANS);
+    hyk_uint i = plane + HYK_ENERGY_ROWS * HYK_ENERGY_STRIDE + rows.offset / HYK_ENERGY_STRIDE * HYK_ENERGY_MEANS + j;
+    return hyk_lerp(HYK_LOAD_ENERGY(view, i), HYK_LOAD_ENERGY(view, i + 1u), x - HYK_TO_REAL(j));
 }
 
 /* Mean of a plane of losses. Those fall as alpha^2 log(1 / alpha), which no straight line between rows follows:
@@ -2847,7 +2862,7 @@ HYK_FN hyk_layers hyk_layers_of_glass(hyk_view view, hyk_bsdf bsdf, hyk_layers r
     if (!hyk_bsdf_is(bsdf, HYK_BSDF_GLASS_SMOOTH) && bsdf.at_near != 0u) {
         r.glass_lost = hyk_saturate(hyk_energy_lookup(view, bsdf.at_near, bsdf.rows, column));
         hyk_real more = hyk_energy_lookup(view, bsdf.at_near + HYK_ENERGY_PLANE, bsdf.rows, column);
-        r.glass_back = hyk_clamp(r.glass_back + more, 0.0f, whole - r.glass_lost);
+        r.glass_back = hyk_clamp(r.glass_back + more, 0.0f, hyk_max(whole - r.glass_lost, 0.0f));
     }
     r.glass_along = hyk_max(whole - r.glass_lost - r.glass_back, 0.0f);
     return r;
@@ -3811,30 +3826,15 @@ HYK_FN hyk_vec3 hyk_emission_at(hyk_view view, hyk_material material, hyk_vec2 u
     return hyk_mul(material.emission, hyk_sample_texture(view, material.emission_texture, uv, lod).rgb);
 }
 
-/* Index of the material on a triangle of a placed mesh. */
-HYK_FN hyk_uint hyk_triangle_material(hyk_view view, hyk_uint instance, hyk_uint triangle) {
-    hyk_uint own = HYK_LOAD_INSTANCE(view, instance).material;
-    if (own != HYK_NONE) return own;
-    hyk_uint mesh = HYK_LOAD_INSTANCE(view, instance).mesh;
-    hyk_mesh m = HYK_LOAD_MESH(view, mesh);
-    if ((m.flags & HYK_MESH_TRIANGLE_MATERIALS) != 0u) return HYK_LOAD_TRIANGLE_MATERIAL(view, mesh, triangle);
-    return m.material;
-}
-
-/* uv at the weights of vertex 1 and vertex 2; zero where the mesh has none. */
-HYK_FN hyk_vec2 hyk_triangle_uv(hyk_view view, hyk_uint mesh, hyk_uint triangle, hyk_vec2 weights) {
-    if ((HYK_LOAD_MESH(view, mesh).flags & HYK_MESH_HAS_UVS) == 0u) return hyk_make2(0.0f, 0.0f);
-    hyk_vec2 a = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * triangle));
-    hyk_vec2 b = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * triangle + 1u));
-    hyk_vec2 c = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * triangle + 2u));
-    return hyk_make2(a.x + (b.x - a.x) * weights.x + (c.x - a.x) * weights.y,
-                     a.y + (b.y - a.y) * weights.x + (c.y - a.y) * weights.y);
-}
-
-/* Emission of an emitting triangle at those weights, finest texture level. */
+/* Emission of an emitting triangle at those weights, finest texture level; what alpha cuts out of it does not shine. */
 HYK_FN hyk_vec3 hyk_triangle_emission(hyk_view view, hyk_uint instance, hyk_uint triangle, hyk_vec2 weights, hyk_uint features) {
     hyk_vec2 uv = hyk_triangle_uv(view, HYK_LOAD_INSTANCE(view, instance).mesh, triangle, weights);
-    return hyk_emission_at(view, HYK_LOAD_MATERIAL(view, hyk_triangle_material(view, instance, triangle)), uv, 0.0f, features);
+    hyk_material material = HYK_LOAD_MATERIAL(view, hyk_triangle_material(view, instance, triangle));
+    hyk_vec3 radiance = hyk_emission_at(view, material, uv, 0.0f, features);
+    if (!HYK_HAS(features, HYK_NEEDS_ALPHA) || !hyk_material_has_alpha(material)) return radiance;
+    hyk_real alpha = hyk_alpha_at(view, material, uv);
+    if ((material.flags & HYK_MATERIAL_ALPHA_MASK) != 0u) alpha = alpha >= material.alpha_cutoff ? 1.0f : 0.0f;
+    return hyk_scale(radiance, hyk_saturate(alpha));
 }
 
 #endif /* HYK_EMISSION_H */
@@ -4379,7 +4379,7 @@ HYK_FN hyk_light_groups hyk_choose_light_groups(hyk_view view, hyk_vec3 p, hyk_v
 
 HYK_FN hyk_vec3 hyk_surface_light_radiance(hyk_view view, hyk_light light, hyk_surface_sample s, hyk_vec3 direction, hyk_uint features) {
     hyk_vec3 radiance = hyk_shape_radiance(light, s.normal, direction);
-    if (HYK_HAS(features, HYK_NEEDS_TEXTURES) && (light.flags & HYK_LIGHT_TEXTURED) != 0u && !hyk_is_black(radiance))
+    if (HYK_HAS(features, HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA) && (light.flags & HYK_LIGHT_TEXTURED) != 0u && !hyk_is_black(radiance))
         radiance = hyk_triangle_emission(view, light.instance, light.primitive, s.weights, features);
     return radiance;
 }
@@ -5716,8 +5716,8 @@ HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
    Here each vector unit only throws out triangles whose edge functions differ in sign in float: rounding
    is monotone, so a product difference of the wrong sign cannot come out, only zero. What remains is
    decided by hyi_confirm in double, where products of two floats are exact: signs are then exact for the
-   sheared corners, and t, u, v keep their bits on needles. It is one function that no compiler flag or
-   instruction set changes, so all traversals give the same bits. */
+   sheared corners, and t, u, v keep their bits on needles. Every rounding in it is pinned, so no compiler
+   flag or instruction set changes a bit. */
 #ifndef HYI_BVH_TRIANGLE_H
 #define HYI_BVH_TRIANGLE_H
 
@@ -5808,9 +5808,9 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     aim->axis[1] = z == 0u ? 2u : z - 1u;
     aim->axis[2] = z;
     for (int a = 0; a < 3; a++) aim->origin[a] = o[aim->axis[a]];
-    aim->shear[0] = d[aim->axis[0]] / d[z];
-    aim->shear[1] = d[aim->axis[1]] / d[z];
     aim->t_by_z = 1.0 / (double)d[z];
+    aim->shear[0] = (float)((double)d[aim->axis[0]] * aim->t_by_z);
+    aim->shear[1] = (float)((double)d[aim->axis[1]] * aim->t_by_z);
     aim->inverse_z = (float)aim->t_by_z;
     aim->t_by_z *= aim->unit;
 }
@@ -5843,14 +5843,28 @@ HYI_INLINE void hyi_shear_corner(const hyi_aim *aim, const float *row, uint32_t 
     *y = hyi_rounded(hyi_rounded(row[aim->axis[1] * stride] - aim->origin[1]) - hyi_rounded(aim->shear[1] * z));
 }
 
-/* p q - r s of floats: rounded once. */
-HYI_INLINE double hyi_cross_exact(float p, float q, float r, float s) {
-    return (double)p * (double)q - (double)r * (double)s;
+HYI_INLINE double hyi_rounded_double(double value) {
+#if HYI_GNU && defined(__x86_64__)
+    __asm__("" : "+x"(value));
+#elif HYI_GNU && defined(__aarch64__)
+    __asm__("" : "+w"(value));
+#endif
+    return value;
 }
 
-/* t of the ray (not of the tree's units), or HYI_NO_HIT; weights: u and v. Any flag of the compiler may
-   reorder the last steps, but there is one copy of them. */
-HYI_NOINLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float weights[2]) {
+/* p q - r s of floats: both products are exact, the difference is rounded once. */
+HYI_INLINE double hyi_cross_exact(float p, float q, float r, float s) {
+    return hyi_rounded_double((double)p * (double)q - (double)r * (double)s);
+}
+
+/* a p + b q + c r, in this order. */
+HYI_INLINE double hyi_sum_products(double a, double p, double b, double q, double c, double r) {
+    double first = hyi_rounded_double(hyi_rounded_double(a * p) + hyi_rounded_double(b * q));
+    return hyi_rounded_double(first + hyi_rounded_double(c * r));
+}
+
+/* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT; weights: u and v. */
+HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float weights[2]) {
     float ax, ay, bx, by, cx, cy;
     rows += lane;
     hyi_shear_corner(aim, rows, stride, &ax, &ay);
@@ -5858,14 +5872,14 @@ HYI_NOINLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t s
     hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
     double a = hyi_cross_exact(cx, by, cy, bx), b = hyi_cross_exact(ax, cy, ay, cx), c = hyi_cross_exact(bx, ay, by, ax);
     if ((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) return HYI_NO_HIT;
-    double sum = a + b + c;
+    double sum = hyi_rounded_double(hyi_rounded_double(a + b) + c);
     if (sum == 0.0) return HYI_NO_HIT;
     const float *z = rows + aim->axis[2] * stride;
-    double origin = (double)aim->origin[2], inverse = 1.0 / sum;
-    double distance = a * ((double)z[0] - origin) + b * ((double)z[3u * stride] - origin) + c * ((double)z[6u * stride] - origin);
+    double origin = (double)aim->origin[2], inverse = hyi_rounded_double(1.0 / sum);
+    double distance = hyi_sum_products(a, (double)z[0] - origin, b, (double)z[3u * stride] - origin, c, (double)z[6u * stride] - origin);
     weights[0] = (float)(b * inverse);
     weights[1] = (float)(c * inverse);
-    return (float)(distance * aim->t_by_z * inverse);
+    return (float)hyi_rounded_double(hyi_rounded_double(distance * aim->t_by_z) * inverse);
 }
 
 /* Ties of equal t go to the smaller instance, then the smaller primitive; t_max itself counts as a hit. */
@@ -6208,6 +6222,7 @@ HYI_NOINLINE HYI_AVX2 void hyi_visit_node_avx2(hyi_walk *walk) {
     hyi_eight near_t;
     hyi_slabs8 slabs = hyi_load_slabs8(&walk->aim);
     uint32_t mask = hyi_boxes_avx2(&slabs, node, _mm256_broadcast_ss(&walk->aim.t_far), &near_t);
+    _mm256_zeroupper();
     if (mask) hyi_walk_descend(walk, node->child, near_t.t, mask);
     else hyi_walk_pop(walk);
 }
@@ -6259,9 +6274,14 @@ HYI_INLINE HYI_AVX2 void hyi_run_avx2(const hyi_accel *accel, const hyk_ray *ray
     for (uint32_t i = 0; i < count; i++) {
         hyi_walk_begin(&walk, accel, &rays[i]);
         while (walk.at != HYI_WALK_ENDED) {
-            if (!(flags & HYI_WALK_LEVELS) || !walk.upper) hyi_walk_mesh_avx2(&walk, flags);
-            else if (hyi_child_is_leaf(walk.at)) hyi_walk_enter(&walk);
-            else hyi_visit_node_avx2(&walk);
+            if (!(flags & HYI_WALK_LEVELS) || !walk.upper) {
+                hyi_walk_mesh_avx2(&walk, flags);
+                _mm256_zeroupper(); /* what is called next is compiled for SSE, and would crawl */
+            } else if (hyi_child_is_leaf(walk.at)) {
+                hyi_walk_enter(&walk);
+            } else {
+                hyi_visit_node_avx2(&walk);
+            }
         }
         if (flags & HYI_WALK_ANY) occluded[i] = walk.best.instance != HYK_NONE;
         else hyi_walk_answer(&walk, &hits[i]);
@@ -7649,9 +7669,9 @@ HYDRA_API hydra_texture hydra_scene_add_texture(hydra_scene *scene, const hydra_
 /* >>scene-energy-tables: computes the albedo tables that the scene's materials need
 
    shaders/shared/energy.h says what a plane holds. Each value is a quadrature over visible normals, along
-   meridians of the spherical cap, each split where reflected or refracted light
-   changes sides. No random
-   number: tables are the same everywhere. Materials that agree in what a plane depends on share it; rows that nobody reads stay zero. */
+   meridians of the spherical cap, each split where reflected or refracted light changes sides. No random
+   number: tables are the same everywhere. Materials that agree in what a plane depends on share it; rows
+   that nobody reads stay zero. */
 #ifndef HYI_ENERGY_TABLES_H
 #define HYI_ENERGY_TABLES_H
 
@@ -7660,7 +7680,7 @@ HYDRA_API hydra_texture hydra_scene_add_texture(hydra_scene *scene, const hydra_
 #define HYI_ENERGY_ALONG 20u     /* points of a whole meridian */
 #define HYI_ENERGY_PART 12u      /* points of each part of a split one */
 #define HYI_ENERGY_PARTS 8u
-#define HYI_ENERGY_GAUSS 16u   /* points of the rule for means over rows */
+#define HYI_ENERGY_GAUSS 12u   /* points of the rule for means, in each column */
 #define HYI_ENERGY_FEATURES (HYK_NEEDS_SPECULAR | HYK_NEEDS_TRANSMISSION)
 #define HYI_ENERGY_COAT_FLOATS (HYK_ENERGY_HEADER + HYK_ENERGY_STRIDE) /* a header with nothing but the coat, its row */
 
@@ -7837,19 +7857,21 @@ HYI_FN hyi_energy_sums hyi_energy_integrate(const hyi_energy_build *build, const
 
 /* ---- one row */
 
-/* 2 integral f(cos) cos dcos over a row, f as the kernels will read it: smooth_part (the plane's limit) plus the
-   interpolated differences, within 0 and 1. Gauss in the logarithm of the cosine: a column may span decades. */
-typedef double (*hyi_smooth_part)(const hyi_energy_build *build, hyk_bsdf bsdf, hyk_real cos_theta);
+/* 2 integral f(cos) cos dcos, f as the kernels will read it: smooth_part (the plane's limit) plus the differences,
+   interpolated between a row and the next, within 0 and 1. Gauss in the logarithm of the cosine: a column may
+   span decades. */
+typedef double (*hyi_smooth_part)(const hyi_energy_build *build, const hyk_bsdf *bsdf, hyk_real cos_theta);
 
-HYI_FN double hyi_energy_row_mean(const hyi_energy_build *build, hyk_bsdf bsdf, const float *row, hyi_smooth_part smooth_part) {
-    double sum = 0.0;
+HYI_FN double hyi_energy_mean(const hyi_energy_build *build, const hyk_bsdf *bsdf, const float *row, double share, hyi_smooth_part smooth_part) {
+    double sum = 0.0, hi = log(1e-3 * (double)hyk_energy_cosine(1.0f, bsdf->alpha));
+    const float *next = share > 0.0 ? row + HYK_ENERGY_STRIDE : row;
     for (uint32_t c = 0; c + 1 < HYK_ENERGY_COLUMNS; c++) {
-        double lo = c ? log((double)hyk_energy_cosine((hyk_real)c, bsdf.alpha)) : log(1e-3 * (double)hyk_energy_cosine(1.0f, bsdf.alpha));
-        double hi = log((double)hyk_energy_cosine((hyk_real)(c + 1), bsdf.alpha));
+        double lo = hi, left = (double)row[c] * (1.0 - share) + (double)next[c] * share, right = (double)row[c + 1] * (1.0 - share) + (double)next[c + 1] * share;
+        hi = log((double)hyk_energy_cosine((hyk_real)(c + 1), bsdf->alpha));
         for (uint32_t i = 0; i < HYI_ENERGY_GAUSS; i++) {
             double cosine = exp(lo + (hi - lo) * build->gauss.x[i]);
-            double t = (double)hyk_energy_column((hyk_real)cosine, bsdf.alpha) - c;
-            double f = (double)row[c] * (1.0 - t) + (double)row[c + 1] * t;
+            double t = (double)hyk_energy_column((hyk_real)cosine, bsdf->alpha) - c;
+            double f = left + (right - left) * t;
             if (smooth_part) f += smooth_part(build, bsdf, (hyk_real)cosine);
             f = f < 0.0 ? 0.0 : f > 1.0 ? 1.0 : f;
             sum += 2.0 * f * cosine * cosine * (hi - lo) * build->gauss.weight[i];
@@ -7858,14 +7880,14 @@ HYI_FN double hyi_energy_row_mean(const hyi_energy_build *build, hyk_bsdf bsdf, 
     return sum;
 }
 
-HYI_FN double hyi_smooth_schlick(const hyi_energy_build *build, hyk_bsdf bsdf, hyk_real c) {
-    return (double)(hyk_coat_pass(&build->view, bsdf, c) * hyk_schlick_weight(c));
+HYI_FN double hyi_smooth_schlick(const hyi_energy_build *build, const hyk_bsdf *bsdf, hyk_real c) {
+    return (double)(hyk_coat_pass(&build->view, *bsdf, c) * hyk_schlick_weight(c));
 }
-HYI_FN double hyi_smooth_diffuse(const hyi_energy_build *build, hyk_bsdf bsdf, hyk_real c) {
-    return (double)(hyk_coat_pass(&build->view, bsdf, c) * (1.0f - hyk_fresnel_dielectric(c, bsdf.ior)));
+HYI_FN double hyi_smooth_diffuse(const hyi_energy_build *build, const hyk_bsdf *bsdf, hyk_real c) {
+    return (double)(hyk_coat_pass(&build->view, *bsdf, c) * (1.0f - hyk_fresnel_dielectric(c, bsdf->ior)));
 }
-HYI_FN double hyi_smooth_glass(const hyi_energy_build *build, hyk_bsdf bsdf, hyk_real c) {
-    return (double)hyk_glass_facet_reflects(&build->view, bsdf, c, hyk_coat_pass(&build->view, bsdf, c));
+HYI_FN double hyi_smooth_glass(const hyi_energy_build *build, const hyk_bsdf *bsdf, hyk_real c) {
+    return (double)hyk_glass_facet_reflects(&build->view, *bsdf, c, hyk_coat_pass(&build->view, *bsdf, c));
 }
 
 /* A material of all that a job's planes depend on, at one roughness, with no plane but the coat's. */
@@ -7905,10 +7927,8 @@ HYI_FN void hyi_energy_metal_row(hyi_energy_build *build, const hyi_energy_job *
         hyk_real cosine = hyk_energy_cosine((hyk_real)c, bsdf.alpha);
         hyi_energy_sums sums = hyi_energy_integrate(build, &bsdf, false, cosine);
         lost[c] = (float)sums.lost;
-        schlick[c] = (float)(sums.schlick - hyi_smooth_schlick(build, bsdf, cosine));
+        schlick[c] = (float)(sums.schlick - hyi_smooth_schlick(build, &bsdf, cosine));
     }
-    lost[HYK_ENERGY_COLUMNS] = (float)(hyi_energy_row_mean(build, bsdf, lost, NULL) / (double)hyk_energy_lost_scale(bsdf.alpha));
-    schlick[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, schlick, hyi_smooth_schlick);
 }
 
 HYI_FN double hyi_dielectric_mean(const hyi_gauss *gauss, float ior) {
@@ -7924,14 +7944,14 @@ HYI_FN void hyi_energy_plastic_row(hyi_energy_build *build, const hyi_energy_job
     float *row = build->tables + job->at + r * HYK_ENERGY_STRIDE;
     const float *lost = build->tables + job->at_metal + r * HYK_ENERGY_STRIDE;
     hyk_bsdf bsdf = hyi_energy_bsdf(build, job, hyk_energy_row_alpha((hyk_real)r), true);
-    hyk_real bounce = hyk_multiple_scattering((hyk_real)hyi_dielectric_mean(&build->gauss, job->ior), 1.0f - lost[HYK_ENERGY_COLUMNS] * hyk_energy_lost_scale(bsdf.alpha));
+    hyk_real mean = build->tables[job->at_metal + HYK_ENERGY_ROWS * HYK_ENERGY_STRIDE + r * HYK_ENERGY_MEANS] * hyk_energy_lost_scale(bsdf.alpha);
+    hyk_real bounce = hyk_multiple_scattering((hyk_real)hyi_dielectric_mean(&build->gauss, job->ior), 1.0f - mean);
     for (uint32_t c = 0; c < HYK_ENERGY_COLUMNS; c++) {
         hyk_real cosine = hyk_energy_cosine((hyk_real)c, bsdf.alpha);
         double back = hyi_energy_integrate(build, &bsdf, false, cosine).dielectric;
         double whole = (double)hyk_coat_pass(&build->view, bsdf, cosine);
-        row[c] = (float)(whole - back - (double)(bounce * lost[c]) - hyi_smooth_diffuse(build, bsdf, cosine));
+        row[c] = (float)(whole - back - (double)(bounce * lost[c]) - hyi_smooth_diffuse(build, &bsdf, cosine));
     }
-    row[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, row, hyi_smooth_diffuse);
 }
 
 HYI_FN void hyi_energy_glass_row(hyi_energy_build *build, const hyi_energy_job *job, uint32_t r) {
@@ -7942,10 +7962,23 @@ HYI_FN void hyi_energy_glass_row(hyi_energy_build *build, const hyi_energy_job *
             hyk_real cosine = hyk_energy_cosine((hyk_real)c, bsdf.alpha);
             hyi_energy_sums sums = hyi_energy_integrate(build, &bsdf, true, cosine);
             lost[c] = (float)sums.glass_lost;
-            back[c] = (float)(sums.glass_back - hyi_smooth_glass(build, bsdf, cosine));
+            back[c] = (float)(sums.glass_back - hyi_smooth_glass(build, &bsdf, cosine));
         }
-        lost[HYK_ENERGY_COLUMNS] = (float)(hyi_energy_row_mean(build, bsdf, lost, NULL) / (double)hyk_energy_lost_scale(bsdf.alpha));
-        back[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, back, hyi_smooth_glass);
+    }
+}
+
+/* Means from a row up to the next (which may have to be there: share > 0). */
+HYI_FN void hyi_energy_row_means(hyi_energy_build *build, const hyi_energy_job *job, uint32_t plane, uint32_t r) {
+    float *values = build->tables + job->at + plane * HYK_ENERGY_PLANE;
+    float *means = values + HYK_ENERGY_ROWS * HYK_ENERGY_STRIDE + r * HYK_ENERGY_MEANS;
+    bool lost = job->kind == HYI_ENERGY_PLASTIC ? false : plane % 2 == 0;
+    hyi_smooth_part smooth_part = lost ? NULL : job->kind == HYI_ENERGY_METAL ? hyi_smooth_schlick : job->kind == HYI_ENERGY_GLASS ? hyi_smooth_glass : hyi_smooth_diffuse;
+    uint32_t count = r + 1 < HYK_ENERGY_ROWS && (job->rows >> (r + 1) & 1u) ? HYK_ENERGY_MEANS : 1u;
+    for (uint32_t j = 0; j < count; j++) {
+        double share = (double)j / HYK_ENERGY_MEANS;
+        hyk_bsdf bsdf = hyi_energy_bsdf(build, job, hyk_energy_row_alpha((hyk_real)(r + share)), plane < 2);
+        double mean = hyi_energy_mean(build, &bsdf, values + r * HYK_ENERGY_STRIDE, share, smooth_part);
+        means[j] = (float)(lost ? mean / (double)hyk_energy_lost_scale(bsdf.alpha) : mean);
     }
 }
 
@@ -8077,6 +8110,14 @@ HYI_FN void hyi_energy_task(void *argument, uint32_t index) {
     if (job->kind == HYI_ENERGY_GLASS) hyi_energy_glass_row(build, job, row);
 }
 
+HYI_FN void hyi_energy_mean_task(void *argument, uint32_t index) {
+    static const uint32_t planes[HYI_ENERGY_KINDS] = { 0, 2, 1, 4 };
+    hyi_energy_build *build = (hyi_energy_build *)argument;
+    const hyi_energy_job *job = &build->jobs[build->first_job + index / HYK_ENERGY_ROWS];
+    uint32_t row = index % HYK_ENERGY_ROWS;
+    for (uint32_t plane = 0; plane < planes[job->kind] && (job->rows >> row & 1u); plane++) hyi_energy_row_means(build, job, plane, row);
+}
+
 HYI_FN int hyi_energy_stage(hyi_energy_kind kind) { return kind == HYI_ENERGY_COAT ? 0 : kind == HYI_ENERGY_METAL ? 1 : 2; }
 
 HYI_FN int hyi_energy_compare(const void *a, const void *b) {
@@ -8091,6 +8132,7 @@ HYI_FN void hyi_energy_compute(hyi_energy_build *build) {
         while (end < build->job_count && hyi_energy_stage(build->jobs[end].kind) == hyi_energy_stage(build->jobs[done].kind)) end++;
         build->first_job = done;
         hyi_parallel(build->context, (end - done) * HYK_ENERGY_ROWS, hyi_energy_task, build);
+        hyi_parallel(build->context, (end - done) * HYK_ENERGY_ROWS, hyi_energy_mean_task, build);
         done = end;
     }
 }
@@ -8873,7 +8915,7 @@ HYI_FN hyk_light hyi_triangle_light(const hydra_scene *scene, uint32_t instance,
     if (placed->flags & HYK_INSTANCE_MIRRORED) light.normal = hyk_neg(light.normal);
     light.radiance = hyi_mean_emission(scene, material);
     if (material->flags & HYK_MATERIAL_EMITS_BOTH_SIDES) light.flags |= HYK_LIGHT_BOTH_SIDES;
-    if (material->emission_texture != HYK_NONE) light.flags |= HYK_LIGHT_TEXTURED;
+    if (material->emission_texture != HYK_NONE || hyk_material_has_alpha(*material)) light.flags |= HYK_LIGHT_TEXTURED;
     light.instance = instance;
     light.primitive = triangle;
     return light;
@@ -9158,8 +9200,6 @@ HYI_FN void hyi_refresh_mesh_views(hydra_scene *scene) {
 }
 
 /* ---- what the scene requires */
-
-HYI_FN bool hyi_has_alpha(const hyk_material *m) { return (m->flags & (HYK_MATERIAL_ALPHA_MASK | HYK_MATERIAL_ALPHA_BLEND)) != 0; }
 
 /* Features of one placed mesh, over the materials that its triangles really have. */
 HYI_FN uint32_t hyi_placed_needs(hydra_scene *scene, const hyk_instance *placed) {
@@ -9642,7 +9682,7 @@ HYI_FN void hyi_scatter_point(const hyi_picture *picture, hyi_batch *batch, hyk_
     const float *p = picture->point_positions + (size_t)3 * point, *n = picture->point_normals + (size_t)3 * point;
     hyk_vec3 position = hyk_make3(p[0], p[1], p[2]), normal = hyk_make3(n[0], n[1], n[2]);
     const uint32_t features = HYI_FEATURES_OUTDOOR; /* a white Lambert surface under any light, textured emitters too */
-    hyk_scatter r = hyk_shade_point(picture->view, picture->settings, path, position, normal, picture->point_error, features | HYK_NEEDS_TEXTURES);
+    hyk_scatter r = hyk_shade_point(picture->view, picture->settings, path, position, normal, picture->point_error, features | HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA);
     hyi_keep_scatter(batch, &r, path.lane, (picture->settings.wants & HYK_WANTS_COMPONENTS) != 0);
 }
 

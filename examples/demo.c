@@ -142,10 +142,10 @@ static void add_everything(hydra_scene *scene) {
                                         .clearcoat = 1.0f,
                                         .clearcoat_roughness = 0.05f});
     hydra_scene_add_light(scene, &(hydra_light_desc){.kind = HYDRA_LIGHT_RECT,
-                                                     .color = {11.0f, 9.6f, 7.6f},
-                                                     .position = {0, 1.985f, 0},
-                                                     .axis_u = {0.45f, 0, 0},
-                                                     .axis_v = {0, 0, 0.40f}});
+                                                     .color = {4.9f, 4.3f, 3.45f},
+                                                     .position = {0, 1.998f, 0},
+                                                     .axis_u = {0.68f, 0, 0},
+                                                     .axis_v = {0, 0, 0.62f}});
 }
 
 /* ---------------------------------------------------------------- a PNG without compression */
@@ -247,12 +247,13 @@ static void print_costs(hydra_context *context, const hydra_scene *scene, hydra_
 }
 
 static hydra_result render_demo(hydra_context *context, hydra_scene *scene, const char *path) {
-    hydra_render *render =
-        hydra_render_create(scene, &(hydra_render_desc){.width = SIZE,
-                                                        .height = SIZE,
-                                                        .sensor = {.position = {0, 1, 3.55f}, .target = {0, 0.97f, 0}, .fov_y = 0.76f},
-                                                        .target_error = 0.03f,
-                                                        .time_budget = 14.0});
+    hydra_render *render = hydra_render_create(
+        scene,
+        &(hydra_render_desc){.width = SIZE,
+                             .height = SIZE,
+                             .sensor = {.position = {0, 1, 3.55f}, .target = {0, 1, 0}, .fov_y = 0.735f, .filter = HYDRA_FILTER_TENT},
+                             .target_error = 0.03f,
+                             .time_budget = 14.0});
     hydra_result result = HYDRA_MORE;
     while (result == HYDRA_MORE) {
         result = hydra_render_step(render);

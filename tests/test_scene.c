@@ -596,11 +596,11 @@ static void test_estimate(void **state) {
         truth_run(render);
         hydra_status status = hydra_render_status(render);
         int64_t taken = world.host.memory.bytes_now - before;
-        assert_int_equal(e.bytes_film + e.bytes_lanes + e.bytes_sensor, e.bytes_total);
+        size_t parts = e.bytes_film + e.bytes_lanes + e.bytes_sensor; /* the rest is the render's own record */
+        assert_true(e.bytes_total >= parts && e.bytes_total - parts < 8192);
         assert_int_equal(status.bytes_film, e.bytes_film);
         assert_int_equal(status.bytes_lanes, e.bytes_lanes);
-        /* what is not film, lanes or sensor is the render's own record: a few KiB */
-        TRUTH_WITHIN("bytes taken beyond the estimate", (double)taken - (double)e.bytes_total, 0, 8192);
+        assert_int_equal(taken, e.bytes_total);
         if (k < 2) assert_int_equal(e.bytes_sensor, 0);
         else assert_true(e.bytes_sensor >= 24 * 1024);
         hydra_render_destroy(render);
@@ -705,13 +705,13 @@ static void test_many_emitters(void **state) {
     truth_open(&world);
     ht_rng rng = ht_rng_make(2);
     double truth = 0;
-    hydra_light_desc lamp = truth_light(HYDRA_LIGHT_SPHERE, 10);
-    lamp.radius = 0.002f;
+    hydra_light_desc lamp = truth_light(HYDRA_LIGHT_SPHERE, 400);
+    lamp.radius = 0.0003f;
     for (int i = 0; i < 5000; i++) {
         truth_v3 p = truth_v(4 * truth_rng_unit(&rng) - 2, 1 + truth_rng_unit(&rng), 4 * truth_rng_unit(&rng) - 2);
         truth_store(lamp.position, p);
         assert_int_not_equal(hydra_scene_add_light(world.scene, &lamp).id, 0);
-        truth += 10 * TRUTH_PI * 0.002 * 0.002 * p.y / pow(truth_length(p), 3);
+        truth += 400 * TRUTH_PI * 0.0003 * 0.0003 * p.y / pow(truth_length(p), 3);
     }
     /* 5,000 glowing triangles in a plane, facing down: 2 x 50 x 50 */
     truth_v3 corners[4] = {{-2, 3, -2}, {2, 3, -2}, {2, 3, 2}, {-2, 3, 2}};
@@ -722,7 +722,7 @@ static void test_many_emitters(void **state) {
     truth_probe probe;
     memset(&probe, 0, sizeof probe);
     probe.samples = truth_samples(256);
-    /* lamps shade each other and the plane by about the share of the sky they cover: 2e-4 */
+    /* lamps shade each other and the plane by about the share of the sky they cover: 1e-4 */
     TRUTH_EXPECT("10,000 emitters", truth_irradiance(world.scene, truth_v(0, 0, 0), truth_v(0, 1, 0), probe), truth, 0.01, 1e-3);
     truth_close(&world);
 }

@@ -144,25 +144,38 @@ static int from_name(hydra_sensor_desc *sensor, render_options *options, const i
 
 /* ---------------------------------------------------------------- all in view */
 
+static float dot(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+/* How far back along the unit vector z the eye must stand from the middle for all corners of the box, of these half
+   sizes, to lie inside the picture: a corner at (x, y, z) needs |x| <= (distance - z) tan of the half angle. */
+static float distance_for(const float half[3], const float axes[3][3], const float tangents[2]) {
+    float distance = 0.0f;
+    for (int corner = 0; corner < 8; corner++) {
+        float p[3];
+        for (int i = 0; i < 3; i++) p[i] = (corner >> i & 1) != 0 ? half[i] : -half[i];
+        for (int axis = 0; axis < 2; axis++) distance = fmaxf(distance, fabsf(dot(p, axes[axis])) / tangents[axis] + dot(p, axes[2]));
+    }
+    return distance;
+}
+
+/* From the front, a little from above and from the right. */
 static int from_bounds(hydra_sensor_desc *sensor, render_options *options, const hydra_scene *scene) {
-    static const float towards[3] = {0.35f, 0.30f, 1.0f};
+    static const float axes[3][3] = {{0.9437f, 0.0f, -0.3308f}, {-0.0907f, 0.9617f, -0.2588f}, {0.3181f, 0.2742f, 0.9075f}};
     hydra_scene_info info;
     frame wish = {0.0f, 0, 0};
     hydra_scene_get_info(scene, &info);
     choose_size(options, &wish);
-    float radius = 0.0f, length = 0.0f;
+    sensor->fov_y = radians(35.0f);
+    float half[3], tangents[2];
     for (int i = 0; i < 3; i++) {
-        float half = 0.5f * info.bounds_max[i] - 0.5f * info.bounds_min[i];
+        half[i] = 0.5f * info.bounds_max[i] - 0.5f * info.bounds_min[i];
         sensor->target[i] = 0.5f * info.bounds_max[i] + 0.5f * info.bounds_min[i];
-        radius = hypotf(radius, half);
-        length = hypotf(length, towards[i]);
     }
-    if (!(radius > 0.0f)) radius = 1.0f;
-    sensor->fov_y = radians(40.0f);
-    float narrow = 0.5f * sensor->fov_y;
-    if (options->width < options->height) narrow = atanf(tanf(narrow) * (float)options->width / (float)options->height);
-    float distance = radius / sinf(narrow);
-    for (int i = 0; i < 3; i++) sensor->position[i] = sensor->target[i] + towards[i] / length * distance;
+    tangents[1] = tanf(0.5f * sensor->fov_y) / 1.08f; /* some air around it */
+    tangents[0] = tangents[1] * (float)options->width / (float)options->height;
+    float distance = distance_for(half, axes, tangents);
+    if (!(distance > 0.0f)) distance = 1.0f;
+    for (int i = 0; i < 3; i++) sensor->position[i] = sensor->target[i] + axes[2][i] * distance;
     return APP_DONE;
 }
 

@@ -1,23 +1,28 @@
-/* >>shared-alpha: which candidate hits stop a ray, decided inside the traversal */
+/* >>shared-alpha: a triangle's material and uv, and which candidate hits stop a ray, decided inside the traversal */
 #ifndef HYK_ALPHA_H
 #define HYK_ALPHA_H
 
 #include "sampler.h"
 #include "texture.h"
 
-HYK_FN hyk_uint hyk_material_of(hyk_view view, hyk_instance placed, hyk_uint primitive) {
-    if (placed.material != HYK_NONE) return placed.material;
-    hyk_mesh mesh = HYK_LOAD_MESH(view, placed.mesh);
-    if ((mesh.flags & HYK_MESH_TRIANGLE_MATERIALS) != 0u) return HYK_LOAD_TRIANGLE_MATERIAL(view, placed.mesh, primitive);
-    return mesh.material;
+/* Index of the material on a triangle of a placed mesh. */
+HYK_FN hyk_uint hyk_triangle_material(hyk_view view, hyk_uint instance, hyk_uint triangle) {
+    hyk_uint own = HYK_LOAD_INSTANCE(view, instance).material;
+    if (own != HYK_NONE) return own;
+    hyk_uint mesh = HYK_LOAD_INSTANCE(view, instance).mesh;
+    hyk_mesh m = HYK_LOAD_MESH(view, mesh);
+    if ((m.flags & HYK_MESH_TRIANGLE_MATERIALS) != 0u) return HYK_LOAD_TRIANGLE_MATERIAL(view, mesh, triangle);
+    return m.material;
 }
 
-HYK_FN hyk_vec2 hyk_interpolate_uv(hyk_view view, hyk_uint mesh, hyk_uint primitive, hyk_real u, hyk_real v) {
-    hyk_vec2 a = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * primitive));
-    hyk_vec2 b = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * primitive + 1u));
-    hyk_vec2 c = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * primitive + 2u));
-    hyk_real w = 1.0f - u - v;
-    return hyk_make2(w * a.x + u * b.x + v * c.x, w * a.y + u * b.y + v * c.y);
+/* uv at the weights of vertex 1 and vertex 2; zero where the mesh has none. */
+HYK_FN hyk_vec2 hyk_triangle_uv(hyk_view view, hyk_uint mesh, hyk_uint triangle, hyk_vec2 weights) {
+    if ((HYK_LOAD_MESH(view, mesh).flags & HYK_MESH_HAS_UVS) == 0u) return hyk_make2(0.0f, 0.0f);
+    hyk_vec2 a = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * triangle));
+    hyk_vec2 b = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * triangle + 1u));
+    hyk_vec2 c = hyk_load_uv(view, mesh, HYK_LOAD_INDEX(view, mesh, 3u * triangle + 2u));
+    return hyk_make2(a.x + (b.x - a.x) * weights.x + (c.x - a.x) * weights.y,
+                     a.y + (b.y - a.y) * weights.x + (c.y - a.y) * weights.y);
 }
 
 HYK_FN hyk_real hyk_alpha_at(hyk_view view, hyk_material material, hyk_vec2 uv) {
@@ -37,16 +42,22 @@ HYK_FN hyk_real hyk_alpha_threshold(hyk_ray ray, hyk_uint instance, hyk_uint pri
     return hyk_unit_real(hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.direction.z))));
 }
 
+/* Whether a surface of alpha there stops a ray that draws threshold. */
+HYK_FN hyk_bool hyk_alpha_stops(hyk_material material, hyk_real alpha, hyk_real threshold) {
+    if ((material.flags & HYK_MATERIAL_ALPHA_MASK) != 0u) return alpha >= material.alpha_cutoff;
+    return threshold < alpha;
+}
+
+HYK_FN hyk_bool hyk_material_has_alpha(hyk_material material) {
+    return (material.flags & (HYK_MATERIAL_ALPHA_MASK | HYK_MATERIAL_ALPHA_BLEND)) != 0u;
+}
+
 /* ray is in world space. */
 HYK_FN hyk_bool hyk_hit_is_opaque(hyk_view view, hyk_uint instance, hyk_uint primitive, hyk_real u, hyk_real v, hyk_ray ray) {
-    hyk_instance placed = HYK_LOAD_INSTANCE(view, instance);
-    hyk_material material = HYK_LOAD_MATERIAL(view, hyk_material_of(view, placed, primitive));
-    if ((material.flags & (HYK_MATERIAL_ALPHA_MASK | HYK_MATERIAL_ALPHA_BLEND)) == 0u) return true;
-    hyk_vec2 uv = hyk_make2(0.0f, 0.0f);
-    if ((HYK_LOAD_MESH(view, placed.mesh).flags & HYK_MESH_HAS_UVS) != 0u) uv = hyk_interpolate_uv(view, placed.mesh, primitive, u, v);
-    hyk_real alpha = hyk_alpha_at(view, material, uv);
-    if ((material.flags & HYK_MATERIAL_ALPHA_MASK) != 0u) return alpha >= material.alpha_cutoff;
-    return hyk_alpha_threshold(ray, instance, primitive) < alpha;
+    hyk_material material = HYK_LOAD_MATERIAL(view, hyk_triangle_material(view, instance, primitive));
+    if (!hyk_material_has_alpha(material)) return true;
+    hyk_vec2 uv = hyk_triangle_uv(view, HYK_LOAD_INSTANCE(view, instance).mesh, primitive, hyk_make2(u, v));
+    return hyk_alpha_stops(material, hyk_alpha_at(view, material, uv), hyk_alpha_threshold(ray, instance, primitive));
 }
 
 #endif /* HYK_ALPHA_H */

@@ -1,10 +1,11 @@
 /* >>shared-energy: tables of the energy that single scattering loses, and how they are read
 
    A plane holds one function of (cos, alpha): HYK_ENERGY_ROWS rows uniform in roughness = sqrt(alpha) from
-   0.01 to 1, each of HYK_ENERGY_COLUMNS values uniform in sqrt(x), x = cos (1 + 2 alpha) / (cos + 2 alpha), and
-   then the row's mean 2 integral f(cos) cos dcos. That x follows the features of masking, which sit at
-   cos ~ alpha, so that rows line up however small alpha is. What does not vanish with alpha is stored as the
-   difference to its smooth limit, so that nothing needs resolution at cos >> alpha.
+   0.01 to 1, each of HYK_ENERGY_COLUMNS values uniform in sqrt(x), x = cos (1 + 2 alpha) / (cos + 2 alpha). That
+   x follows the features of masking, which sit at cos ~ alpha, so that rows line up however small alpha is.
+   What does not vanish with alpha is stored as the difference to its smooth limit, so that nothing needs
+   resolution at cos >> alpha. After the rows come the means 2 integral f(cos) cos dcos, at finer steps of alpha:
+   they must be the means of what interpolation gives, or product lobes do not conserve energy.
 
    A material's header: its own constants and where its planes are (in units of eight floats, exact in float;
    0: it has none). Written by src/scene/energy_tables.h. */
@@ -16,9 +17,10 @@
 #include "views.h"
 
 #define HYK_ENERGY_ROWS 32u
-#define HYK_ENERGY_COLUMNS 31u
-#define HYK_ENERGY_STRIDE 32u /* columns and the mean */
-#define HYK_ENERGY_PLANE 1024u
+#define HYK_ENERGY_COLUMNS 32u
+#define HYK_ENERGY_STRIDE 32u
+#define HYK_ENERGY_MEANS 8u /* per row */
+#define HYK_ENERGY_PLANE 1280u
 #define HYK_ENERGY_UNIT 8u
 
 #define HYK_ENERGY_HEADER 8u
@@ -72,8 +74,10 @@ HYK_FN hyk_energy_rows hyk_energy_rows_of(hyk_real alpha) {
 }
 
 HYK_FN hyk_real hyk_energy_mean(hyk_view view, hyk_uint plane, hyk_energy_rows rows) {
-    hyk_uint i = plane + rows.offset + HYK_ENERGY_COLUMNS;
-    return hyk_lerp(HYK_LOAD_ENERGY(view, i), HYK_LOAD_ENERGY(view, i + HYK_ENERGY_STRIDE), rows.share);
+    hyk_real x = rows.share * HYK_TO_REAL(HYK_ENERGY_MEANS);
+    hyk_uint j = hyk_energy_interval(x, HYK_ENERGY_MEANS);
+    hyk_uint i = plane + HYK_ENERGY_ROWS * HYK_ENERGY_STRIDE + rows.offset / HYK_ENERGY_STRIDE * HYK_ENERGY_MEANS + j;
+    return hyk_lerp(HYK_LOAD_ENERGY(view, i), HYK_LOAD_ENERGY(view, i + 1u), x - HYK_TO_REAL(j));
 }
 
 /* Mean of a plane of losses. Those fall as alpha^2 log(1 / alpha), which no straight line between rows follows:

@@ -137,7 +137,7 @@ HYK_SIZE_IS(hyk_instance, 112)
 
 #define HYK_LIGHT_BOTH_SIDES 0x1u
 #define HYK_LIGHT_HIDDEN 0x2u
-#define HYK_LIGHT_TEXTURED 0x4u /* triangle: radiance is the mean; the material's emission at uv counts */
+#define HYK_LIGHT_TEXTURED 0x4u /* triangle: radiance is the mean; the material's emission and alpha at uv count */
 
 HYK_STRUCT(hyk_light) {
     hyk_vec3 position;  /* centre; TRIANGLE: vertex 0 */

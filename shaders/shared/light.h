@@ -204,7 +204,7 @@ HYK_FN hyk_light_groups hyk_choose_light_groups(hyk_view view, hyk_vec3 p, hyk_v
 
 HYK_FN hyk_vec3 hyk_surface_light_radiance(hyk_view view, hyk_light light, hyk_surface_sample s, hyk_vec3 direction, hyk_uint features) {
     hyk_vec3 radiance = hyk_shape_radiance(light, s.normal, direction);
-    if (HYK_HAS(features, HYK_NEEDS_TEXTURES) && (light.flags & HYK_LIGHT_TEXTURED) != 0u && !hyk_is_black(radiance))
+    if (HYK_HAS(features, HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA) && (light.flags & HYK_LIGHT_TEXTURED) != 0u && !hyk_is_black(radiance))
         radiance = hyk_triangle_emission(view, light.instance, light.primitive, s.weights, features);
     return radiance;
 }

@@ -156,7 +156,7 @@ HYK_FN hyk_surface hyk_surface_at(hyk_view view, hyk_hit hit, hyk_vec3 direction
     s.shading = s.geometric;
     s.uv = hyk_make2(0.0f, 0.0f);
     s.uv_scale = 0.0f;
-    s.material = hyk_material_of(view, placed, hit.primitive);
+    s.material = hyk_triangle_material(view, hit.instance, hit.primitive);
     if (HYK_HAS(features, HYK_NEEDS_SMOOTH_NORMALS) && (mesh_flags & HYK_MESH_HAS_NORMALS) != 0u) {
         hyk_vec3 smooth_normal = hyk_smooth_normal(view, placed, t.weights, t.i0, t.i1, t.i2);
         if (hyk_length_squared(smooth_normal) > 0.5f)

@@ -159,7 +159,7 @@ HYI_FN void hyi_scatter_point(const hyi_picture *picture, hyi_batch *batch, hyk_
     const float *p = picture->point_positions + (size_t)3 * point, *n = picture->point_normals + (size_t)3 * point;
     hyk_vec3 position = hyk_make3(p[0], p[1], p[2]), normal = hyk_make3(n[0], n[1], n[2]);
     const uint32_t features = HYI_FEATURES_OUTDOOR; /* a white Lambert surface under any light, textured emitters too */
-    hyk_scatter r = hyk_shade_point(picture->view, picture->settings, path, position, normal, picture->point_error, features | HYK_NEEDS_TEXTURES);
+    hyk_scatter r = hyk_shade_point(picture->view, picture->settings, path, position, normal, picture->point_error, features | HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA);
     hyi_keep_scatter(batch, &r, path.lane, (picture->settings.wants & HYK_WANTS_COMPONENTS) != 0);
 }
 

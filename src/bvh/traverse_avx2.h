@@ -105,6 +105,7 @@ HYI_NOINLINE HYI_AVX2 void hyi_visit_node_avx2(hyi_walk *walk) {
     hyi_eight near_t;
     hyi_slabs8 slabs = hyi_load_slabs8(&walk->aim);
     uint32_t mask = hyi_boxes_avx2(&slabs, node, _mm256_broadcast_ss(&walk->aim.t_far), &near_t);
+    _mm256_zeroupper();
     if (mask) hyi_walk_descend(walk, node->child, near_t.t, mask);
     else hyi_walk_pop(walk);
 }
@@ -156,9 +157,14 @@ HYI_INLINE HYI_AVX2 void hyi_run_avx2(const hyi_accel *accel, const hyk_ray *ray
     for (uint32_t i = 0; i < count; i++) {
         hyi_walk_begin(&walk, accel, &rays[i]);
         while (walk.at != HYI_WALK_ENDED) {
-            if (!(flags & HYI_WALK_LEVELS) || !walk.upper) hyi_walk_mesh_avx2(&walk, flags);
-            else if (hyi_child_is_leaf(walk.at)) hyi_walk_enter(&walk);
-            else hyi_visit_node_avx2(&walk);
+            if (!(flags & HYI_WALK_LEVELS) || !walk.upper) {
+                hyi_walk_mesh_avx2(&walk, flags);
+                _mm256_zeroupper(); /* what is called next is compiled for SSE, and would crawl */
+            } else if (hyi_child_is_leaf(walk.at)) {
+                hyi_walk_enter(&walk);
+            } else {
+                hyi_visit_node_avx2(&walk);
+            }
         }
         if (flags & HYI_WALK_ANY) occluded[i] = walk.best.instance != HYK_NONE;
         else hyi_walk_answer(&walk, &hits[i]);

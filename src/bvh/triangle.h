@@ -8,8 +8,8 @@
    Here each vector unit only throws out triangles whose edge functions differ in sign in float: rounding
    is monotone, so a product difference of the wrong sign cannot come out, only zero. What remains is
    decided by hyi_confirm in double, where products of two floats are exact: signs are then exact for the
-   sheared corners, and t, u, v keep their bits on needles. It is one function that no compiler flag or
-   instruction set changes, so all traversals give the same bits. */
+   sheared corners, and t, u, v keep their bits on needles. Every rounding in it is pinned, so no compiler
+   flag or instruction set changes a bit. */
 #ifndef HYI_BVH_TRIANGLE_H
 #define HYI_BVH_TRIANGLE_H
 
@@ -103,9 +103,9 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     aim->axis[1] = z == 0u ? 2u : z - 1u;
     aim->axis[2] = z;
     for (int a = 0; a < 3; a++) aim->origin[a] = o[aim->axis[a]];
-    aim->shear[0] = d[aim->axis[0]] / d[z];
-    aim->shear[1] = d[aim->axis[1]] / d[z];
     aim->t_by_z = 1.0 / (double)d[z];
+    aim->shear[0] = (float)((double)d[aim->axis[0]] * aim->t_by_z);
+    aim->shear[1] = (float)((double)d[aim->axis[1]] * aim->t_by_z);
     aim->inverse_z = (float)aim->t_by_z;
     aim->t_by_z *= aim->unit;
 }
@@ -138,14 +138,28 @@ HYI_INLINE void hyi_shear_corner(const hyi_aim *aim, const float *row, uint32_t 
     *y = hyi_rounded(hyi_rounded(row[aim->axis[1] * stride] - aim->origin[1]) - hyi_rounded(aim->shear[1] * z));
 }
 
-/* p q - r s of floats: rounded once. */
-HYI_INLINE double hyi_cross_exact(float p, float q, float r, float s) {
-    return (double)p * (double)q - (double)r * (double)s;
+HYI_INLINE double hyi_rounded_double(double value) {
+#if HYI_GNU && defined(__x86_64__)
+    __asm__("" : "+x"(value));
+#elif HYI_GNU && defined(__aarch64__)
+    __asm__("" : "+w"(value));
+#endif
+    return value;
 }
 
-/* t of the ray (not of the tree's units), or HYI_NO_HIT; weights: u and v. Any flag of the compiler may
-   reorder the last steps, but there is one copy of them. */
-HYI_NOINLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float weights[2]) {
+/* p q - r s of floats: both products are exact, the difference is rounded once. */
+HYI_INLINE double hyi_cross_exact(float p, float q, float r, float s) {
+    return hyi_rounded_double((double)p * (double)q - (double)r * (double)s);
+}
+
+/* a p + b q + c r, in this order. */
+HYI_INLINE double hyi_sum_products(double a, double p, double b, double q, double c, double r) {
+    double first = hyi_rounded_double(hyi_rounded_double(a * p) + hyi_rounded_double(b * q));
+    return hyi_rounded_double(first + hyi_rounded_double(c * r));
+}
+
+/* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT; weights: u and v. */
+HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float weights[2]) {
     float ax, ay, bx, by, cx, cy;
     rows += lane;
     hyi_shear_corner(aim, rows, stride, &ax, &ay);
@@ -153,14 +167,14 @@ HYI_NOINLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t s
     hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
     double a = hyi_cross_exact(cx, by, cy, bx), b = hyi_cross_exact(ax, cy, ay, cx), c = hyi_cross_exact(bx, ay, by, ax);
     if ((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) return HYI_NO_HIT;
-    double sum = a + b + c;
+    double sum = hyi_rounded_double(hyi_rounded_double(a + b) + c);
     if (sum == 0.0) return HYI_NO_HIT;
     const float *z = rows + aim->axis[2] * stride;
-    double origin = (double)aim->origin[2], inverse = 1.0 / sum;
-    double distance = a * ((double)z[0] - origin) + b * ((double)z[3u * stride] - origin) + c * ((double)z[6u * stride] - origin);
+    double origin = (double)aim->origin[2], inverse = hyi_rounded_double(1.0 / sum);
+    double distance = hyi_sum_products(a, (double)z[0] - origin, b, (double)z[3u * stride] - origin, c, (double)z[6u * stride] - origin);
     weights[0] = (float)(b * inverse);
     weights[1] = (float)(c * inverse);
-    return (float)(distance * aim->t_by_z * inverse);
+    return (float)hyi_rounded_double(hyi_rounded_double(distance * aim->t_by_z) * inverse);
 }
 
 /* Ties of equal t go to the smaller instance, then the smaller primitive; t_max itself counts as a hit. */

@@ -114,7 +114,7 @@ HYI_INLINE void hyi_walk_stop(hyi_walk *walk) {
 
 /* Decides on one triangle of the leaf that at names. Returns whether it is the new best. */
 HYI_INLINE bool hyi_walk_offer(hyi_walk *walk, uint32_t lane, uint32_t flags) {
-    float weights[2];
+    float weights[2] = {0.0f, 0.0f};
     float t = hyi_confirm(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(walk->at), lane, weights);
     if (!(t >= walk->ray->t_min && t <= walk->best.t)) return false;
     uint32_t primitive = walk->bvh->ids[hyi_leaf_first(walk->at) + lane];

@@ -186,8 +186,6 @@ HYI_FN void hyi_refresh_mesh_views(hydra_scene *scene) {
 
 /* ---- what the scene requires */
 
-HYI_FN bool hyi_has_alpha(const hyk_material *m) { return (m->flags & (HYK_MATERIAL_ALPHA_MASK | HYK_MATERIAL_ALPHA_BLEND)) != 0; }
-
 /* Features of one placed mesh, over the materials that its triangles really have. */
 HYI_FN uint32_t hyi_placed_needs(hydra_scene *scene, const hyk_instance *placed) {
     const hyi_mesh_slot *mesh = &scene->meshes[placed->mesh];

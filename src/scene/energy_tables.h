@@ -1,9 +1,9 @@
 /* >>scene-energy-tables: computes the albedo tables that the scene's materials need
 
    shaders/shared/energy.h says what a plane holds. Each value is a quadrature over visible normals, along
-   meridians of the spherical cap, each split where reflected or refracted light
-   changes sides. No random
-   number: tables are the same everywhere. Materials that agree in what a plane depends on share it; rows that nobody reads stay zero. */
+   meridians of the spherical cap, each split where reflected or refracted light changes sides. No random
+   number: tables are the same everywhere. Materials that agree in what a plane depends on share it; rows
+   that nobody reads stay zero. */
 #ifndef HYI_ENERGY_TABLES_H
 #define HYI_ENERGY_TABLES_H
 
@@ -15,7 +15,7 @@
 #define HYI_ENERGY_ALONG 20u     /* points of a whole meridian */
 #define HYI_ENERGY_PART 12u      /* points of each part of a split one */
 #define HYI_ENERGY_PARTS 8u
-#define HYI_ENERGY_GAUSS 16u   /* points of the rule for means over rows */
+#define HYI_ENERGY_GAUSS 12u   /* points of the rule for means, in each column */
 #define HYI_ENERGY_FEATURES (HYK_NEEDS_SPECULAR | HYK_NEEDS_TRANSMISSION)
 #define HYI_ENERGY_COAT_FLOATS (HYK_ENERGY_HEADER + HYK_ENERGY_STRIDE) /* a header with nothing but the coat, its row */
 
@@ -192,19 +192,21 @@ HYI_FN hyi_energy_sums hyi_energy_integrate(const hyi_energy_build *build, const
 
 /* ---- one row */
 
-/* 2 integral f(cos) cos dcos over a row, f as the kernels will read it: smooth_part (the plane's limit) plus the
-   interpolated differences, within 0 and 1. Gauss in the logarithm of the cosine: a column may span decades. */
-typedef double (*hyi_smooth_part)(const hyi_energy_build *build, hyk_bsdf bsdf, hyk_real cos_theta);
+/* 2 integral f(cos) cos dcos, f as the kernels will read it: smooth_part (the plane's limit) plus the differences,
+   interpolated between a row and the next, within 0 and 1. Gauss in the logarithm of the cosine: a column may
+   span decades. */
+typedef double (*hyi_smooth_part)(const hyi_energy_build *build, const hyk_bsdf *bsdf, hyk_real cos_theta);
 
-HYI_FN double hyi_energy_row_mean(const hyi_energy_build *build, hyk_bsdf bsdf, const float *row, hyi_smooth_part smooth_part) {
-    double sum = 0.0;
+HYI_FN double hyi_energy_mean(const hyi_energy_build *build, const hyk_bsdf *bsdf, const float *row, double share, hyi_smooth_part smooth_part) {
+    double sum = 0.0, hi = log(1e-3 * (double)hyk_energy_cosine(1.0f, bsdf->alpha));
+    const float *next = share > 0.0 ? row + HYK_ENERGY_STRIDE : row;
     for (uint32_t c = 0; c + 1 < HYK_ENERGY_COLUMNS; c++) {
-        double lo = c ? log((double)hyk_energy_cosine((hyk_real)c, bsdf.alpha)) : log(1e-3 * (double)hyk_energy_cosine(1.0f, bsdf.alpha));
-        double hi = log((double)hyk_energy_cosine((hyk_real)(c + 1), bsdf.alpha));
+        double lo = hi, left = (double)row[c] * (1.0 - share) + (double)next[c] * share, right = (double)row[c + 1] * (1.0 - share) + (double)next[c + 1] * share;
+        hi = log((double)hyk_energy_cosine((hyk_real)(c + 1), bsdf->alpha));
         for (uint32_t i = 0; i < HYI_ENERGY_GAUSS; i++) {
             double cosine = exp(lo + (hi - lo) * build->gauss.x[i]);
-            double t = (double)hyk_energy_column((hyk_real)cosine, bsdf.alpha) - c;
-            double f = (double)row[c] * (1.0 - t) + (double)row[c + 1] * t;
+            double t = (double)hyk_energy_column((hyk_real)cosine, bsdf->alpha) - c;
+            double f = left + (right - left) * t;
             if (smooth_part) f += smooth_part(build, bsdf, (hyk_real)cosine);
             f = f < 0.0 ? 0.0 : f > 1.0 ? 1.0 : f;
             sum += 2.0 * f * cosine * cosine * (hi - lo) * build->gauss.weight[i];
@@ -213,14 +215,14 @@ HYI_FN double hyi_energy_row_mean(const hyi_energy_build *build, hyk_bsdf bsdf, 
     return sum;
 }
 
-HYI_FN double hyi_smooth_schlick(const hyi_energy_build *build, hyk_bsdf bsdf, hyk_real c) {
-    return (double)(hyk_coat_pass(&build->view, bsdf, c) * hyk_schlick_weight(c));
+HYI_FN double hyi_smooth_schlick(const hyi_energy_build *build, const hyk_bsdf *bsdf, hyk_real c) {
+    return (double)(hyk_coat_pass(&build->view, *bsdf, c) * hyk_schlick_weight(c));
 }
-HYI_FN double hyi_smooth_diffuse(const hyi_energy_build *build, hyk_bsdf bsdf, hyk_real c) {
-    return (double)(hyk_coat_pass(&build->view, bsdf, c) * (1.0f - hyk_fresnel_dielectric(c, bsdf.ior)));
+HYI_FN double hyi_smooth_diffuse(const hyi_energy_build *build, const hyk_bsdf *bsdf, hyk_real c) {
+    return (double)(hyk_coat_pass(&build->view, *bsdf, c) * (1.0f - hyk_fresnel_dielectric(c, bsdf->ior)));
 }
-HYI_FN double hyi_smooth_glass(const hyi_energy_build *build, hyk_bsdf bsdf, hyk_real c) {
-    return (double)hyk_glass_facet_reflects(&build->view, bsdf, c, hyk_coat_pass(&build->view, bsdf, c));
+HYI_FN double hyi_smooth_glass(const hyi_energy_build *build, const hyk_bsdf *bsdf, hyk_real c) {
+    return (double)hyk_glass_facet_reflects(&build->view, *bsdf, c, hyk_coat_pass(&build->view, *bsdf, c));
 }
 
 /* A material of all that a job's planes depend on, at one roughness, with no plane but the coat's. */
@@ -260,10 +262,8 @@ HYI_FN void hyi_energy_metal_row(hyi_energy_build *build, const hyi_energy_job *
         hyk_real cosine = hyk_energy_cosine((hyk_real)c, bsdf.alpha);
         hyi_energy_sums sums = hyi_energy_integrate(build, &bsdf, false, cosine);
         lost[c] = (float)sums.lost;
-        schlick[c] = (float)(sums.schlick - hyi_smooth_schlick(build, bsdf, cosine));
+        schlick[c] = (float)(sums.schlick - hyi_smooth_schlick(build, &bsdf, cosine));
     }
-    lost[HYK_ENERGY_COLUMNS] = (float)(hyi_energy_row_mean(build, bsdf, lost, NULL) / (double)hyk_energy_lost_scale(bsdf.alpha));
-    schlick[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, schlick, hyi_smooth_schlick);
 }
 
 HYI_FN double hyi_dielectric_mean(const hyi_gauss *gauss, float ior) {
@@ -279,14 +279,14 @@ HYI_FN void hyi_energy_plastic_row(hyi_energy_build *build, const hyi_energy_job
     float *row = build->tables + job->at + r * HYK_ENERGY_STRIDE;
     const float *lost = build->tables + job->at_metal + r * HYK_ENERGY_STRIDE;
     hyk_bsdf bsdf = hyi_energy_bsdf(build, job, hyk_energy_row_alpha((hyk_real)r), true);
-    hyk_real bounce = hyk_multiple_scattering((hyk_real)hyi_dielectric_mean(&build->gauss, job->ior), 1.0f - lost[HYK_ENERGY_COLUMNS] * hyk_energy_lost_scale(bsdf.alpha));
+    hyk_real mean = build->tables[job->at_metal + HYK_ENERGY_ROWS * HYK_ENERGY_STRIDE + r * HYK_ENERGY_MEANS] * hyk_energy_lost_scale(bsdf.alpha);
+    hyk_real bounce = hyk_multiple_scattering((hyk_real)hyi_dielectric_mean(&build->gauss, job->ior), 1.0f - mean);
     for (uint32_t c = 0; c < HYK_ENERGY_COLUMNS; c++) {
         hyk_real cosine = hyk_energy_cosine((hyk_real)c, bsdf.alpha);
         double back = hyi_energy_integrate(build, &bsdf, false, cosine).dielectric;
         double whole = (double)hyk_coat_pass(&build->view, bsdf, cosine);
-        row[c] = (float)(whole - back - (double)(bounce * lost[c]) - hyi_smooth_diffuse(build, bsdf, cosine));
+        row[c] = (float)(whole - back - (double)(bounce * lost[c]) - hyi_smooth_diffuse(build, &bsdf, cosine));
     }
-    row[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, row, hyi_smooth_diffuse);
 }
 
 HYI_FN void hyi_energy_glass_row(hyi_energy_build *build, const hyi_energy_job *job, uint32_t r) {
@@ -297,10 +297,23 @@ HYI_FN void hyi_energy_glass_row(hyi_energy_build *build, const hyi_energy_job *
             hyk_real cosine = hyk_energy_cosine((hyk_real)c, bsdf.alpha);
             hyi_energy_sums sums = hyi_energy_integrate(build, &bsdf, true, cosine);
             lost[c] = (float)sums.glass_lost;
-            back[c] = (float)(sums.glass_back - hyi_smooth_glass(build, bsdf, cosine));
+            back[c] = (float)(sums.glass_back - hyi_smooth_glass(build, &bsdf, cosine));
         }
-        lost[HYK_ENERGY_COLUMNS] = (float)(hyi_energy_row_mean(build, bsdf, lost, NULL) / (double)hyk_energy_lost_scale(bsdf.alpha));
-        back[HYK_ENERGY_COLUMNS] = (float)hyi_energy_row_mean(build, bsdf, back, hyi_smooth_glass);
+    }
+}
+
+/* Means from a row up to the next (which may have to be there: share > 0). */
+HYI_FN void hyi_energy_row_means(hyi_energy_build *build, const hyi_energy_job *job, uint32_t plane, uint32_t r) {
+    float *values = build->tables + job->at + plane * HYK_ENERGY_PLANE;
+    float *means = values + HYK_ENERGY_ROWS * HYK_ENERGY_STRIDE + r * HYK_ENERGY_MEANS;
+    bool lost = job->kind == HYI_ENERGY_PLASTIC ? false : plane % 2 == 0;
+    hyi_smooth_part smooth_part = lost ? NULL : job->kind == HYI_ENERGY_METAL ? hyi_smooth_schlick : job->kind == HYI_ENERGY_GLASS ? hyi_smooth_glass : hyi_smooth_diffuse;
+    uint32_t count = r + 1 < HYK_ENERGY_ROWS && (job->rows >> (r + 1) & 1u) ? HYK_ENERGY_MEANS : 1u;
+    for (uint32_t j = 0; j < count; j++) {
+        double share = (double)j / HYK_ENERGY_MEANS;
+        hyk_bsdf bsdf = hyi_energy_bsdf(build, job, hyk_energy_row_alpha((hyk_real)(r + share)), plane < 2);
+        double mean = hyi_energy_mean(build, &bsdf, values + r * HYK_ENERGY_STRIDE, share, smooth_part);
+        means[j] = (float)(lost ? mean / (double)hyk_energy_lost_scale(bsdf.alpha) : mean);
     }
 }
 
@@ -432,6 +445,14 @@ HYI_FN void hyi_energy_task(void *argument, uint32_t index) {
     if (job->kind == HYI_ENERGY_GLASS) hyi_energy_glass_row(build, job, row);
 }
 
+HYI_FN void hyi_energy_mean_task(void *argument, uint32_t index) {
+    static const uint32_t planes[HYI_ENERGY_KINDS] = { 0, 2, 1, 4 };
+    hyi_energy_build *build = (hyi_energy_build *)argument;
+    const hyi_energy_job *job = &build->jobs[build->first_job + index / HYK_ENERGY_ROWS];
+    uint32_t row = index % HYK_ENERGY_ROWS;
+    for (uint32_t plane = 0; plane < planes[job->kind] && (job->rows >> row & 1u); plane++) hyi_energy_row_means(build, job, plane, row);
+}
+
 HYI_FN int hyi_energy_stage(hyi_energy_kind kind) { return kind == HYI_ENERGY_COAT ? 0 : kind == HYI_ENERGY_METAL ? 1 : 2; }
 
 HYI_FN int hyi_energy_compare(const void *a, const void *b) {
@@ -446,6 +467,7 @@ HYI_FN void hyi_energy_compute(hyi_energy_build *build) {
         while (end < build->job_count && hyi_energy_stage(build->jobs[end].kind) == hyi_energy_stage(build->jobs[done].kind)) end++;
         build->first_job = done;
         hyi_parallel(build->context, (end - done) * HYK_ENERGY_ROWS, hyi_energy_task, build);
+        hyi_parallel(build->context, (end - done) * HYK_ENERGY_ROWS, hyi_energy_mean_task, build);
         done = end;
     }
 }

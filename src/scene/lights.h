@@ -2,6 +2,7 @@
 #ifndef HYI_LIGHTS_H
 #define HYI_LIGHTS_H
 
+#include "../../shaders/shared/alpha.h"
 #include "environment.h"
 #include "light_tree.h"
 #include "materials.h"
@@ -252,7 +253,7 @@ HYI_FN hyk_light hyi_triangle_light(const hydra_scene *scene, uint32_t instance,
     if (placed->flags & HYK_INSTANCE_MIRRORED) light.normal = hyk_neg(light.normal);
     light.radiance = hyi_mean_emission(scene, material);
     if (material->flags & HYK_MATERIAL_EMITS_BOTH_SIDES) light.flags |= HYK_LIGHT_BOTH_SIDES;
-    if (material->emission_texture != HYK_NONE) light.flags |= HYK_LIGHT_TEXTURED;
+    if (material->emission_texture != HYK_NONE || hyk_material_has_alpha(*material)) light.flags |= HYK_LIGHT_TEXTURED;
     light.instance = instance;
     light.primitive = triangle;
     return light;
