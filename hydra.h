@@ -6003,7 +6003,7 @@ HYI_INLINE void hyi_walk_stop(hyi_walk *walk) {
 
 /* Decides on one triangle of the leaf that at names. Returns whether it is the new best. */
 HYI_INLINE bool hyi_walk_offer(hyi_walk *walk, uint32_t lane, uint32_t flags) {
-    float weights[2];
+    float weights[2] = {0.0f, 0.0f};
     float t = hyi_confirm(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(walk->at), lane, weights);
     if (!(t >= walk->ray->t_min && t <= walk->best.t)) return false;
     uint32_t primitive = walk->bvh->ids[hyi_leaf_first(walk->at) + lane];
@@ -6515,7 +6515,7 @@ HYI_FN void hyi_trace_scalar(const hyi_accel *accel, const hyk_ray *rays, hyk_hi
    Wald, Benthin, Boulos 2008, "Getting rid of packets": a node takes its two children, then replaces the
    one of largest surface by that one's children, until eight stand there or all are leaves. The choice of
    least expected cost (Ylitie, Karras, Laine 2017, section 3.1) fills nodes better, but was measured to
-   visit as many nodes and half as many leaves more: rays that stop at the first hit are not what it counts. */
+   visit as many nodes and 10 to 50 % more leaves (Sponza): it counts rays that do not stop at a hit. */
 #ifndef HYI_BVH_BUILD_COLLAPSE_H
 #define HYI_BVH_BUILD_COLLAPSE_H
 
@@ -9903,9 +9903,8 @@ HYI_FN void hyi_sum3_value(const hyi_sum3 *sum, double value[3]) {
 
 /* >>render-film: what is known of each pixel, and how samples come in
 
-   Even samples of a pixel make one half of its estimate, odd ones the other; the pixel's value is the mean of the two
-   means. The halves never see each other's random numbers, so their difference tells the true error of the scrambled
-   points, and each may decide when the other stops (adaptive.h). */
+   Even samples of a pixel make one half of its estimate, odd ones the other. The halves never see each other's random
+   numbers, so their difference tells the true error of the scrambled points (statistics.h). */
 #ifndef HYI_FILM_H
 #define HYI_FILM_H
 
@@ -9938,16 +9937,21 @@ typedef enum hyi_plane {
 } hyi_plane;
 HYI_FN bool hyi_plane_is_pair(int plane) { return plane <= HYI_PLANE_IRRADIANCE; }
 
+/* The pixels of a tile fall into groups, 16 pixels apart in Morton order: the places of a 4x4 block (adaptive.h). */
+#define HYI_GROUPS 16u
+HYI_INLINE uint32_t hyi_group_of(size_t pixel) { return (uint32_t)(pixel % HYI_GROUPS); }
+
 /* All tiles' pixels stand in one array, tile after tile. */
 typedef struct hyi_tile {
-    uint32_t chunks;      /* taken of the schedule */
-    uint32_t taken;       /* samples a pixel in them */
-    uint32_t reported[2]; /* samples of each half that are in the sums */
-    uint32_t passed[2];   /* the half found the error small enough */
-    uint32_t judged;      /* chunks that the statistic below holds */
-    hyi_sum statistic[2]; /* sum over judged chunks of the weighted sample variance */
+    uint32_t chunks; /* taken of the schedule */
+    uint32_t taken;  /* samples a pixel in them */
+    uint32_t judged; /* chunks that the statistic below holds */
+    uint32_t closed; /* groups that the others found good enough: a bit each */
+    uint32_t reported[HYI_GROUPS]; /* samples of a pixel that are in the sums, half of them in each half */
+    hyi_sum statistic[HYI_GROUPS]; /* sum over judged chunks and the group's pixels of the weighted sample variance */
     hyi_atomic lock;
 } hyi_tile;
+#define HYI_ALL_GROUPS ((1u << HYI_GROUPS) - 1u)
 
 typedef struct hyi_film {
     uint32_t tile_width, tile_height, tile_pixels;
@@ -10109,7 +10113,7 @@ HYI_FN void hyi_add_means(hyi_film *film, size_t pixel, const hyi_lane *lane) {
     hyi_plane_add(film, HYI_PLANE_DEPTH, pixel, hyk_make3(first.depth, 0.0f, 0.0f));
 }
 
-/* The part of the picture that the halves share out: only while the half is open. */
+/* The part of the picture that only counts while the pixel's group is open. */
 HYI_FN void hyi_add_radiance(hyi_film *film, size_t index, int half, const hyi_lane *lane, const float rgb[3], float luminance) {
     hyi_pixel *pixel = &film->pixels[index];
     const double wide[3] = { (double)rgb[0], (double)rgb[1], (double)rgb[2] };
@@ -10143,23 +10147,18 @@ HYI_FN float hyi_film_add(hyi_film *film, size_t index, int half, bool open, hyi
 
 HYI_FN void hyi_half_mean(const hyi_film *film, const hyi_tile *tile, size_t index, int half, double mean[3]) {
     const hyi_pixel *pixel = &film->pixels[index];
-    double n = tile->reported[half] ? (double)tile->reported[half] : 1.0;
+    uint32_t reported = tile->reported[hyi_group_of(index)];
+    double n = reported ? 0.5 * (double)reported : 1.0;
     for (int i = 0; i < 3; i++) mean[i] = hyi_lanes_value(pixel->rgb[half][i], pixel->rgb_top[half]) / n;
 }
 
 HYI_FN double hyi_wide_luminance(const double c[3]) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; }
 
-/* Mean of the two halves' means; a half without samples does not count. */
-HYI_FN void hyi_mean_of_halves(const hyi_tile *tile, const double a[3], const double b[3], double mean[3]) {
-    double wa = tile->reported[0] ? 1.0 : 0.0, wb = tile->reported[1] ? 1.0 : 0.0, scale = wa + wb > 0.0 ? 1.0 / (wa + wb) : 0.0;
-    for (int i = 0; i < 3; i++) mean[i] = (wa * a[i] + wb * b[i]) * scale;
-}
-
 HYI_FN void hyi_pixel_mean(const hyi_film *film, const hyi_tile *tile, size_t index, double mean[3]) {
     double a[3], b[3];
     hyi_half_mean(film, tile, index, 0, a);
     hyi_half_mean(film, tile, index, 1, b);
-    hyi_mean_of_halves(tile, a, b, mean);
+    for (int i = 0; i < 3; i++) mean[i] = 0.5 * (a[i] + b[i]);
 }
 
 #endif /* HYI_FILM_H */
@@ -10167,19 +10166,22 @@ HYI_FN void hyi_pixel_mean(const hyi_film *film, const hyi_tile *tile, size_t in
 /* >>render-adaptive: which tile gets how many samples
 
    HYDRA's tiles (ALGORITHMS section 3) with a stopping rule that does not bias the picture. Stopping when one's own
-   estimate looks good favours estimates that missed something. So each half of the samples judges the other: half A's
-   samples enter the picture up to the stage at which half B found the error small enough, and the other way round. How
-   many of a half's samples count is then independent of what they say, and its mean stays unbiased. A half that has
-   been judged but has not yet judged goes on sampling for its verdict only.
+   samples look good favours samples that missed something. So a pixel never decides for itself: the pixels of a tile
+   form 16 groups, each spread evenly over the tile, and a group stops counting its samples when the error that the
+   *other* groups show is small enough. How many of a pixel's samples count is then independent of what they say, and
+   its mean and its error bar stay unbiased. Any two groups' judges share most of their evidence, so all groups of a
+   tile stop at nearly the same stage; until the last one does, all go on sampling to be evidence for it.
+   (Two halves of each pixel's samples that judge each other are unbiased as well; but two judges with nothing in common
+   disagree so often where light is rare that every second sample was evidence only.)
 
-   Error of a tile, as half h sees it: sqrt(mean over pixels of w v / 2n), v a pixel's sample variance of luminance
-   (within chunks, pooled), n the samples of one half, w = 1 / max(mean, L / 10)^2 with L the picture's mean luminance,
-   everything from half h. A tile is also charged with one sample of luminance L that it has not seen: a black tile
-   must be sampled until that would not matter. */
+   Error of a tile, from a set of its pixels: sqrt(mean over them of w v / n), v a pixel's sample variance of luminance
+   (within chunks, pooled), n its samples, w = 1 / max(mean, L / 10)^2 with L the picture's mean luminance. A tile is
+   also charged with one sample of luminance L that it has not seen: a black tile must be sampled until that would not
+   matter. A pixel that is alone in its tile has no others, and judges itself. */
 #ifndef HYI_ADAPTIVE_H
 #define HYI_ADAPTIVE_H
 
-#define HYI_CHUNK_SAMPLES 8u  /* a pixel, half of them for each half */
+#define HYI_CHUNK_SAMPLES 8u  /* of a pixel, half of them for each half */
 #define HYI_LEAST_CHUNKS 4u   /* before any verdict */
 #define HYI_DARK_SHARE 0.1    /* of L: darker pixels are judged as if that bright */
 
@@ -10200,12 +10202,12 @@ typedef struct hyi_schedule {
     uint32_t rounds_each; /* chunks the tile that lacks most must take */
     hyi_atomic next;      /* unit of the round: chunk-major, so that a tile's chunks are taken in order */
     uint32_t weighed_stage; /* whose weights stand below; stage 0 has none */
-    float *weights;       /* 2 a pixel, where there is a target */
-    double brightness[2]; /* L by each half, at the start of the stage */
+    float *weights;       /* of each pixel, where there is a target */
+    double brightness;    /* L at the start of the stage */
 } hyi_schedule;
 
 HYI_FN bool hyi_tile_is_done(const hyi_schedule *schedule, const hyi_tile *tile) {
-    return tile->chunks >= schedule->total_chunks || (tile->passed[0] && tile->passed[1]);
+    return tile->chunks >= schedule->total_chunks || tile->closed == HYI_ALL_GROUPS;
 }
 
 HYI_FN uint32_t hyi_stage_target(const hyi_schedule *schedule) {
@@ -10215,26 +10217,52 @@ HYI_FN uint32_t hyi_stage_target(const hyi_schedule *schedule) {
 
 /* ---- what a chunk says about the error */
 
-/* Sum over the chunk's pixels of weight times sample variance, for one half; lum holds samples of both halves. */
-HYI_FN double hyi_pixel_variance(const float *lum, uint32_t samples, int half) {
+/* Sample variance of one pixel within a chunk, from both halves; each is a net of its own. */
+HYI_FN double hyi_chunk_variance(const float *luminance, uint32_t samples) {
     double sum = 0.0, squares = 0.0;
-    uint32_t n = 0;
-    for (uint32_t s = (uint32_t)half; s < samples; s += 2, n++) {
-        sum += (double)lum[s];
-        squares += (double)lum[s] * (double)lum[s];
+    for (uint32_t s = 0; s < samples; s++) {
+        sum += (double)luminance[s];
+        squares += (double)luminance[s] * (double)luminance[s];
     }
-    if (n < 2) return 0.0;
-    double variance = (squares - sum * sum / (double)n) / (double)(n - 1);
+    double variance = (squares - sum * sum / (double)samples) / (double)(samples - 1);
     return variance > 0.0 ? variance : 0.0;
 }
 
-HYI_FN bool hyi_tile_passes(const hyi_schedule *schedule, const hyi_tile *tile, int half, uint32_t pixels) {
-    if (tile->judged == 0) return false;
-    double n = 0.5 * (double)tile->taken, count = (double)pixels;
-    double variance = hyi_sum_value(&tile->statistic[half]) / ((double)tile->judged * count);
-    double unseen = 1.0 / (HYI_DARK_SHARE * HYI_DARK_SHARE) / (2.0 * n * count);
-    double error = sqrt((variance + (schedule->brightness[half] > 0.0 ? unseen : 0.0)) / (2.0 * n));
-    return error <= (double)schedule->target;
+/* ---- verdicts */
+
+/* Pixels of each group that lie in the region; returns how many in all. */
+HYI_FN uint32_t hyi_count_groups(const hyi_film *film, size_t tile, uint32_t counts[HYI_GROUPS]) {
+    uint32_t all = 0;
+    memset(counts, 0, HYI_GROUPS * sizeof *counts);
+    for (uint32_t i = 0; i < film->tile_pixels; i++) {
+        uint32_t x = hyi_tile_left(film, tile) + film->pixel_x[i], y = hyi_tile_top(film, tile) + film->pixel_y[i];
+        if (x < film->left || x >= film->right || y < film->top || y >= film->bottom) continue;
+        counts[hyi_group_of(i)]++;
+        all++;
+    }
+    return all;
+}
+
+/* Squared error of a tile, from statistic over count of its pixels. */
+HYI_FN double hyi_tile_error_square(const hyi_schedule *schedule, const hyi_tile *tile, double statistic, double count) {
+    double n = (double)tile->taken, variance = statistic / ((double)tile->judged * count);
+    double unseen = schedule->brightness > 0.0 ? 1.0 / (HYI_DARK_SHARE * HYI_DARK_SHARE * n * count) : 0.0;
+    return (variance + unseen) / n;
+}
+
+/* Closes each group that all others find good enough. */
+HYI_FN void hyi_judge_tile(const hyi_schedule *schedule, const hyi_film *film, hyi_tile *tile, size_t index) {
+    uint32_t counts[HYI_GROUPS], all = hyi_count_groups(film, index, counts);
+    double target = (double)schedule->target * (double)schedule->target;
+    if (tile->judged == 0) return;
+    for (uint32_t g = 0; g < HYI_GROUPS; g++) {
+        bool alone = counts[g] == all;
+        double statistic = 0.0;
+        for (uint32_t other = 0; other < HYI_GROUPS; other++)
+            if (other != g || alone) statistic += hyi_sum_value(&tile->statistic[other]);
+        double count = (double)(alone ? all : all - counts[g]);
+        if (counts[g] == 0 || hyi_tile_error_square(schedule, tile, statistic, count) <= target) tile->closed |= 1u << g;
+    }
 }
 
 /* ---- between stages */
@@ -10254,34 +10282,28 @@ HYI_FN uint32_t hyi_tile_inside(const hyi_film *film, size_t tile) {
 HYI_FN void hyi_judge_tiles(const hyi_schedule *schedule, hyi_film *film) {
     for (size_t i = 0; i < hyi_film_tile_count(film); i++) {
         hyi_tile *tile = &film->tiles[i];
-        if (tile->chunks < HYI_LEAST_CHUNKS || tile->chunks != hyi_stage_target(schedule)) continue;
-        for (int half = 0; half < 2; half++)
-            if (!tile->passed[half]) tile->passed[half] = hyi_tile_passes(schedule, tile, half, hyi_tile_inside(film, i)) ? 1u : 0u;
+        if (tile->chunks >= HYI_LEAST_CHUNKS && tile->chunks == hyi_stage_target(schedule)) hyi_judge_tile(schedule, film, tile, i);
     }
 }
 
-HYI_FN void hyi_measure_brightness(hyi_schedule *schedule, const hyi_film *film) {
-    double sum[2] = { 0.0, 0.0 };
-    for (size_t i = 0; i < hyi_film_pixel_count(film); i++) {
-        const hyi_tile *tile = &film->tiles[i / film->tile_pixels];
-        for (int half = 0; half < 2; half++) {
-            double mean[3];
-            hyi_half_mean(film, tile, i, half, mean);
-            sum[half] += hyi_wide_luminance(mean);
-        }
-    }
-    double count = (double)(film->right - film->left) * (double)(film->bottom - film->top);
-    for (int half = 0; half < 2; half++) schedule->brightness[half] = sum[half] / count;
+HYI_FN double hyi_stored_luminance(const hyi_film *film, size_t index) {
+    double mean[3];
+    hyi_pixel_mean(film, &film->tiles[index / film->tile_pixels], index, mean);
+    return hyi_wide_luminance(mean);
+}
+
+/* Pixels beyond the region hold zeros and add nothing. */
+HYI_FN double hyi_brightness(const hyi_film *film) {
+    double sum = 0.0;
+    for (size_t i = 0; i < hyi_film_pixel_count(film); i++) sum += hyi_stored_luminance(film, i);
+    return sum / ((double)(film->right - film->left) * (double)(film->bottom - film->top));
 }
 
 HYI_FN void hyi_weigh_tile(hyi_schedule *schedule, const hyi_film *film, size_t tile) {
-    for (size_t i = tile * film->tile_pixels; i < (tile + 1) * film->tile_pixels; i++)
-        for (int half = 0; half < 2; half++) {
-            double mean[3];
-            hyi_half_mean(film, &film->tiles[tile], i, half, mean);
-            double scale = fmax(hyi_wide_luminance(mean), HYI_DARK_SHARE * schedule->brightness[half]);
-            schedule->weights[2 * i + (size_t)half] = scale > 0.0 ? (float)(1.0 / scale) : 0.0f;
-        }
+    for (size_t i = tile * film->tile_pixels; i < (tile + 1) * film->tile_pixels; i++) {
+        double scale = fmax(hyi_stored_luminance(film, i), HYI_DARK_SHARE * schedule->brightness);
+        schedule->weights[i] = scale > 0.0 ? (float)(1.0 / scale) : 0.0f;
+    }
 }
 
 /* The tiles that this stage still owes chunks. */
@@ -10313,7 +10335,7 @@ HYI_FN bool hyi_next_round(hyi_schedule *schedule, hyi_film *film) {
         schedule->stage++;
     }
     if (schedule->target > 0.0f && schedule->weighed_stage != schedule->stage) {
-        hyi_measure_brightness(schedule, film);
+        schedule->brightness = hyi_brightness(film);
         for (uint32_t i = 0; i < schedule->active_count; i++) hyi_weigh_tile(schedule, film, schedule->active[i]);
         schedule->weighed_stage = schedule->stage;
     }
@@ -10598,7 +10620,7 @@ HYI_FN uint32_t hyi_wants_of(const hyi_film *film) {
 }
 
 HYI_FN size_t hyi_schedule_bytes(const hyi_film *film, bool adaptive) {
-    return 2 * hyi_film_tile_count(film) * sizeof(uint32_t) + (adaptive ? 2 * hyi_film_pixel_count(film) * sizeof(float) : 0);
+    return 2 * hyi_film_tile_count(film) * sizeof(uint32_t) + (adaptive ? hyi_film_pixel_count(film) * sizeof(float) : 0);
 }
 HYI_FN size_t hyi_worker_bytes(const hyi_film *film) {
     return (size_t)film->tile_pixels * HYI_CHUNK_SAMPLES * HYI_LANE_BYTES + sizeof(hyi_batch) + sizeof(double);
@@ -10632,8 +10654,8 @@ HYI_FN hydra_result hyi_schedule_alloc(hydra_render *r) {
     HYI_TRY(hyi_alloc_array(r->context, &s->active, tiles));
     HYI_TRY(hyi_alloc_array(r->context, &s->base, tiles));
     if (!(s->target > 0.0f)) return HYDRA_OK;
-    HYI_TRY(hyi_alloc_array(r->context, &s->weights, 2 * hyi_film_pixel_count(&r->film)));
-    memset(s->weights, 0, 2 * hyi_film_pixel_count(&r->film) * sizeof *s->weights);
+    HYI_TRY(hyi_alloc_array(r->context, &s->weights, hyi_film_pixel_count(&r->film)));
+    memset(s->weights, 0, hyi_film_pixel_count(&r->film) * sizeof *s->weights);
     return HYDRA_OK;
 }
 
@@ -10672,7 +10694,7 @@ HYDRA_API void hydra_render_destroy(hydra_render *render) {
     hyi_free_array(context, &render->accumulate, render->workers);
     hyi_free_array(context, &render->schedule.active, hyi_film_tile_count(&render->film));
     hyi_free_array(context, &render->schedule.base, hyi_film_tile_count(&render->film));
-    hyi_free_array(context, &render->schedule.weights, 2 * hyi_film_pixel_count(&render->film));
+    hyi_free_array(context, &render->schedule.weights, hyi_film_pixel_count(&render->film));
     hyi_film_free(context, &render->film);
     hyi_sensor_free(context, &render->sensor);
     render->scene->renders_living--;
@@ -10727,35 +10749,32 @@ HYI_FN void hyi_keep_ids(hydra_render *r, size_t index, const hyi_lane *lane) {
     ids->material = lane->first.material == HYK_NONE ? 0 : lane->first.material;
 }
 
-HYI_FN void hyi_accumulate_pixel(hydra_render *r, hyi_tile *tile, const hyi_chunk *chunk, size_t index, hyi_lane *lanes, double judgement[2]) {
+HYI_FN void hyi_accumulate_pixel(hydra_render *r, const hyi_tile *tile, const hyi_chunk *chunk, size_t index, hyi_lane *lanes, double *judgement) {
     float luminance[HYI_CHUNK_SAMPLES];
     if (r->film.ids && chunk->first_sample == r->film.first_sample) hyi_keep_ids(r, index, &lanes[0]);
-    for (uint32_t s = 0; s < chunk->samples; s++) {
-        int half = (int)(s & 1);
-        luminance[s] = hyi_film_add(&r->film, index, half, !tile->passed[1 - half], &lanes[s]);
-    }
+    uint32_t group = hyi_group_of(index);
+    bool open = !(tile->closed >> group & 1u);
+    for (uint32_t s = 0; s < chunk->samples; s++) luminance[s] = hyi_film_add(&r->film, index, (int)(s & 1), open, &lanes[s]);
     if (!r->schedule.weights) return;
-    for (int half = 0; half < 2; half++) {
-        double weight = (double)r->schedule.weights[2 * index + (size_t)half];
-        judgement[half] += weight * weight * hyi_pixel_variance(luminance, chunk->samples, half);
-    }
+    double weight = (double)r->schedule.weights[index];
+    judgement[group] += weight * weight * hyi_chunk_variance(luminance, chunk->samples);
 }
 
 /* The order in which chunks arrive does not matter: every sum is exact. */
 HYI_FN void hyi_accumulate(hydra_render *r, uint32_t tile_index, const hyi_chunk *chunk, hyi_lane *lanes) {
     hyi_tile *tile = &r->film.tiles[tile_index];
-    double judgement[2] = { 0.0, 0.0 };
+    double judgement[HYI_GROUPS] = { 0.0 };
     while (!hyi_atomic_swap_if(&tile->lock, 0, 1)) continue;
     for (uint32_t p = 0; p < chunk->pixels; p++) {
         hyi_lane *first = &lanes[p * chunk->samples];
         if (first->flags & HYI_LANE_USED) hyi_accumulate_pixel(r, tile, chunk, (size_t)tile_index * chunk->pixels + p, first, judgement);
     }
-    for (int half = 0; half < 2; half++)
-        if (!tile->passed[1 - half]) tile->reported[half] += chunk->samples / 2;
+    for (uint32_t g = 0; g < HYI_GROUPS; g++)
+        if (!(tile->closed >> g & 1u)) tile->reported[g] += chunk->samples;
     tile->taken += chunk->samples;
     tile->chunks++;
     if (r->schedule.weights && r->schedule.stage > 0 && chunk->samples >= 4) {
-        for (int half = 0; half < 2; half++) hyi_sum_add(&tile->statistic[half], judgement[half]);
+        for (uint32_t g = 0; g < HYI_GROUPS; g++) hyi_sum_add(&tile->statistic[g], judgement[g]);
         tile->judged++;
     }
     hyi_atomic_store(&tile->lock, 0);
@@ -10865,25 +10884,25 @@ HYI_FN hyi_block_pixel hyi_measure_pixel(const hyi_film *film, uint32_t x, uint3
     p.index = hyi_pixel_index(film, x, y);
     const hyi_tile *tile = &film->tiles[hyi_pixel_tile(film, x, y)];
     const hyi_pixel *pixel = &film->pixels[p.index];
-    double a[3], b[3], na = (double)tile->reported[0], nb = (double)tile->reported[1], n = na + nb;
+    double a[3], b[3], n = (double)tile->reported[hyi_group_of(p.index)];
     hyi_half_mean(film, tile, p.index, 0, a);
     hyi_half_mean(film, tile, p.index, 1, b);
-    hyi_mean_of_halves(tile, a, b, p.mean);
+    for (int i = 0; i < 3; i++) p.mean[i] = 0.5 * (a[i] + b[i]);
     for (int i = 0; i < 3; i++) p.half_square[i] = 0.25 * (a[i] - b[i]) * (a[i] - b[i]);
     p.luminance = hyi_wide_luminance(p.mean);
     double difference = hyi_wide_luminance(a) - hyi_wide_luminance(b);
     p.luminance_half_square = 0.25 * difference * difference;
-    double sum = na * hyi_wide_luminance(a) + nb * hyi_wide_luminance(b);
+    double sum = n * p.luminance;
     double squares = hyi_lanes_value(pixel->square, pixel->square_top);
     double variance = n > 1.0 ? fmax(squares - sum * sum / n, 0.0) / (n - 1.0) : 0.0;
-    p.scatter = na > 0.0 && nb > 0.0 ? 0.25 * (variance / na + variance / nb) : 0.0;
+    p.scatter = n > 0.0 ? variance / n : 0.0;
     return p;
 }
 
 /* Variance of a pixel in units of the block's calibration: its scatter, drawn to the block's mean while samples are few. */
 HYI_FN double hyi_smoothed_scatter(const hyi_film *film, const hyi_block *block, const hyi_block_pixel *p) {
     const hyi_tile *tile = &film->tiles[p->index / film->tile_pixels];
-    double n = (double)(tile->reported[0] + tile->reported[1]);
+    double n = (double)tile->reported[hyi_group_of(p->index)];
     return (n * p->scatter + HYI_PRIOR_SAMPLES * block->mean_scatter) / (n + HYI_PRIOR_SAMPLES);
 }
 
@@ -10929,12 +10948,7 @@ HYI_FN void hyi_pixel_error(const hyi_film *film, const hyi_block *block, uint32
 HYI_FN bool hyi_is_heavy(const hyi_film *film, size_t index) {
     const hyi_pixel *pixel = &film->pixels[index];
     const hyi_tile *tile = &film->tiles[index / film->tile_pixels];
-    double sum = 0.0, n = (double)(tile->reported[0] + tile->reported[1]);
-    for (int half = 0; half < 2; half++) {
-        double mean[3];
-        hyi_half_mean(film, tile, index, half, mean);
-        sum += hyi_wide_luminance(mean) * (double)tile->reported[half];
-    }
+    double n = (double)tile->reported[hyi_group_of(index)], sum = n * hyi_stored_luminance(film, index);
     return n >= 64.0 && (double)pixel->largest > 0.1 * sum && (double)pixel->largest > 20.0 * sum / n;
 }
 
@@ -10960,17 +10974,6 @@ HYI_FN void hyi_add_block_error(const hyi_film *film, const hyi_block *block, do
     sums->ratio_square += sum * sum;
     sums->blocks += 1.0;
     sums->pixels += (double)block->count;
-}
-
-HYI_FN double hyi_brightness(const hyi_film *film) {
-    double sum = 0.0;
-    for (uint32_t y = film->top; y < film->bottom; y++)
-        for (uint32_t x = film->left; x < film->right; x++) {
-            double mean[3];
-            hyi_pixel_mean(film, &film->tiles[hyi_pixel_tile(film, x, y)], hyi_pixel_index(film, x, y), mean);
-            sum += hyi_wide_luminance(mean);
-        }
-    return sum / ((double)(film->right - film->left) * (double)(film->bottom - film->top));
 }
 
 HYI_FN uint32_t hyi_align_down(uint32_t x) { return x - x % HYI_BLOCK; }
@@ -11029,14 +11032,13 @@ HYI_FN void hyi_sum_counters(const hydra_render *r, hydra_status *status) {
 }
 
 /* Share of the work that a tile has behind it, if error falls with the root of the samples. */
-HYI_FN double hyi_tile_fraction(const hyi_schedule *s, const hyi_film *film, size_t index) {
-    const hyi_tile *tile = &film->tiles[index];
+HYI_FN double hyi_tile_fraction(const hyi_schedule *s, const hyi_tile *tile, uint32_t inside) {
     if (hyi_tile_is_done(s, tile)) return 1.0;
     double fraction = (double)tile->chunks / (double)s->total_chunks;
     if (!(s->target > 0.0f) || !tile->judged) return fraction;
-    double n = 0.5 * (double)tile->taken, pixels = (double)hyi_tile_inside(film, index);
-    double variance = fmax(hyi_sum_value(&tile->statistic[0]), hyi_sum_value(&tile->statistic[1])) / ((double)tile->judged * pixels);
-    double square = variance / (2.0 * n), target = (double)s->target * (double)s->target;
+    double statistic = 0.0, target = (double)s->target * (double)s->target;
+    for (uint32_t g = 0; g < HYI_GROUPS; g++) statistic += hyi_sum_value(&tile->statistic[g]);
+    double square = hyi_tile_error_square(s, tile, statistic, (double)inside);
     return fmax(fraction, square > target ? target / square : 0.99);
 }
 
@@ -11046,10 +11048,10 @@ HYI_FN void hyi_measure_progress(const hydra_render *r, hydra_status *status) {
     size_t tiles = hyi_film_tile_count(film);
     bool first_pass = false;
     for (size_t i = 0; i < tiles; i++) {
-        double inside = (double)hyi_tile_inside(film, i);
-        sum += hyi_tile_fraction(&r->schedule, film, i);
-        samples += inside * (double)(film->tiles[i].reported[0] + film->tiles[i].reported[1]);
-        pixels += inside;
+        uint32_t groups[HYI_GROUPS], inside = hyi_count_groups(film, i, groups);
+        sum += hyi_tile_fraction(&r->schedule, &film->tiles[i], inside);
+        for (uint32_t g = 0; g < HYI_GROUPS; g++) samples += (double)groups[g] * (double)film->tiles[i].reported[g];
+        pixels += (double)inside;
         if (film->tiles[i].chunks == 0) first_pass = true;
         if (!hyi_tile_is_done(&r->schedule, &film->tiles[i])) status->tiles_active += 1.0;
     }
@@ -11106,13 +11108,9 @@ HYI_FN float hyi_lightmap_factor(const hydra_render *r, int channel) {
 }
 
 HYI_FN void hyi_read_pair(const hydra_render *r, hyi_plane plane, size_t index, const hyi_tile *tile, double mean[3]) {
-    double half[2][3];
-    for (int h = 0; h < 2; h++) {
-        double n = tile->reported[h] ? (double)tile->reported[h] : 1.0;
-        hyi_sum3_value(&r->film.planes[plane][2 * index + (size_t)h], half[h]);
-        for (int c = 0; c < 3; c++) half[h][c] /= n;
-    }
-    hyi_mean_of_halves(tile, half[0], half[1], mean);
+    double half[2][3], n = (double)tile->reported[hyi_group_of(index)];
+    for (int h = 0; h < 2; h++) hyi_sum3_value(&r->film.planes[plane][2 * index + (size_t)h], half[h]);
+    for (int c = 0; c < 3; c++) mean[c] = n > 0.0 ? (half[0][c] + half[1][c]) / n : 0.0;
 }
 
 HYI_FN void hyi_read_mean(const hydra_render *r, hyi_plane plane, size_t index, double count, double mean[3]) {
@@ -11148,8 +11146,8 @@ HYI_FN void hyi_read_color(const hydra_render *r, hydra_output output, size_t in
 HYI_FN uint32_t hyi_read_validity(const hydra_render *r, size_t index) {
     const hyi_tile *tile = &r->film.tiles[index / r->film.tile_pixels];
     uint32_t bits = 0;
-    if (tile->reported[0] + tile->reported[1]) bits |= HYDRA_VALID_SAMPLED;
-    if (tile->passed[0] && tile->passed[1]) bits |= HYDRA_VALID_CONVERGED;
+    if (tile->reported[hyi_group_of(index)]) bits |= HYDRA_VALID_SAMPLED;
+    if (tile->closed >> hyi_group_of(index) & 1u) bits |= HYDRA_VALID_CONVERGED;
     if (hyi_is_heavy(&r->film, index)) bits |= HYDRA_VALID_HEAVY_TAIL;
     if (r->film.pixels[index].dropped) bits |= HYDRA_VALID_DROPPED;
     if (r->desc.sensor.kind == HYDRA_SENSOR_POINTS) {
@@ -11175,7 +11173,7 @@ HYI_FN uint32_t hyi_read_word(const hydra_render *r, hydra_output output, size_t
         case HYDRA_INSTANCE_ID: return r->film.ids[index].instance;
         case HYDRA_MESH_ID: return r->film.ids[index].mesh;
         case HYDRA_MATERIAL_ID: return r->film.ids[index].material;
-        case HYDRA_SAMPLES: return tile->reported[0] + tile->reported[1];
+        case HYDRA_SAMPLES: return tile->reported[hyi_group_of(index)];
         default: return hyi_read_validity(r, index);
     }
 }
@@ -11284,7 +11282,7 @@ typedef struct hyi_film_header {
     uint32_t region[4];   /* left, top, right, bottom */
     uint32_t first_sample, end_sample;
     uint32_t range_count, stage, weighed_stage;
-    double brightness[2];
+    double brightness;
 } hyi_film_header;
 
 HYI_FN void hyi_stream_header(hyi_stream *s, hyi_film_header *h) {
@@ -11298,20 +11296,20 @@ HYI_FN void hyi_stream_header(hyi_stream *s, hyi_film_header *h) {
     hyi_stream_u32(s, &h->range_count);
     hyi_stream_u32(s, &h->stage);
     hyi_stream_u32(s, &h->weighed_stage);
-    for (int i = 0; i < 2; i++) hyi_stream_double(s, &h->brightness[i]);
+    hyi_stream_double(s, &h->brightness);
 }
 #define HYI_CHECKSUM_FROM 16u
 
 HYI_FN void hyi_stream_tile(hyi_stream *s, hyi_tile *t) {
     hyi_stream_u32(s, &t->chunks);
     hyi_stream_u32(s, &t->taken);
-    for (int h = 0; h < 2; h++) {
-        hyi_stream_u32(s, &t->reported[h]);
-        hyi_stream_u32(s, &t->passed[h]);
-        hyi_stream_lanes(s, &t->statistic[h].lanes);
-        hyi_stream_i16(s, &t->statistic[h].top);
-    }
     hyi_stream_u32(s, &t->judged);
+    hyi_stream_u32(s, &t->closed);
+    for (uint32_t g = 0; g < HYI_GROUPS; g++) {
+        hyi_stream_u32(s, &t->reported[g]);
+        hyi_stream_lanes(s, &t->statistic[g].lanes);
+        hyi_stream_i16(s, &t->statistic[g].top);
+    }
 }
 
 HYI_FN void hyi_stream_sum3(hyi_stream *s, hyi_sum3 *x) {
@@ -11343,7 +11341,7 @@ typedef struct hyi_pixel_state {
     hyi_pixel pixel;
     hyi_sum3 planes[2 * HYI_PLANE_COUNT];
     hyi_ids ids;
-    float weights[2];
+    float weight;
 } hyi_pixel_state;
 
 HYI_FN void hyi_stream_pixel_state(hyi_stream *s, const hydra_render *r, hyi_pixel_state *p) {
@@ -11354,7 +11352,7 @@ HYI_FN void hyi_stream_pixel_state(hyi_stream *s, const hydra_render *r, hyi_pix
         if (hyi_plane_is_pair(plane)) hyi_stream_sum3(s, &p->planes[2 * plane + 1]);
     }
     if (r->film.ids) hyi_stream_ids(s, &p->ids);
-    for (int h = 0; r->schedule.weights && h < 2; h++) hyi_stream_float(s, &p->weights[h]);
+    if (r->schedule.weights) hyi_stream_float(s, &p->weight);
 }
 
 HYI_FN hyi_pixel_state hyi_load_pixel_state(const hydra_render *r, size_t index) {
@@ -11367,7 +11365,7 @@ HYI_FN hyi_pixel_state hyi_load_pixel_state(const hydra_render *r, size_t index)
         for (size_t h = 0; h < each; h++) p.planes[2 * (size_t)plane + h] = r->film.planes[plane][each * index + h];
     }
     if (r->film.ids) p.ids = r->film.ids[index];
-    for (size_t h = 0; r->schedule.weights && h < 2; h++) p.weights[h] = r->schedule.weights[2 * index + h];
+    if (r->schedule.weights) p.weight = r->schedule.weights[index];
     return p;
 }
 
@@ -11421,7 +11419,7 @@ HYI_FN hyi_film_header hyi_describe_film(const hydra_render *r) {
     h.range_count = r->range_count;
     h.stage = r->schedule.stage;
     h.weighed_stage = r->schedule.weighed_stage;
-    for (int i = 0; i < 2; i++) h.brightness[i] = r->schedule.brightness[i];
+    h.brightness = r->schedule.brightness;
     return h;
 }
 
@@ -11619,7 +11617,7 @@ HYI_FN void hyi_merge_pixel(hydra_render *r, size_t index, const hyi_pixel_state
         for (size_t h = 0; h < each; h++) hyi_sum3_merge(&r->film.planes[plane][each * index + h], &in->planes[2 * (size_t)plane + h]);
     }
     if (r->film.ids && earlier) r->film.ids[index] = in->ids;
-    for (size_t h = 0; r->schedule.weights && h < 2; h++) r->schedule.weights[2 * index + h] = in->weights[h];
+    if (r->schedule.weights) r->schedule.weights[index] = in->weight;
 }
 
 HYI_FN void hyi_merge_tile(hydra_render *r, const hyi_incoming *in, size_t from, bool earlier) {
@@ -11629,7 +11627,7 @@ HYI_FN void hyi_merge_tile(hydra_render *r, const hyi_incoming *in, size_t from,
     hyi_tile *mine = &r->film.tiles[to];
     if (in->by_samples) {
         mine->taken += theirs.taken;
-        for (int h = 0; h < 2; h++) mine->reported[h] += theirs.reported[h];
+        for (uint32_t g = 0; g < HYI_GROUPS; g++) mine->reported[g] += theirs.reported[g];
     } else {
         *mine = theirs;
     }
@@ -11661,7 +11659,7 @@ HYI_FN void hyi_merge_schedule(hydra_render *r, const hyi_incoming *in, bool fre
     if (fresh || in->header.stage < s->stage) s->stage = in->header.stage;
     if (fresh) {
         s->weighed_stage = in->header.weighed_stage;
-        for (int i = 0; i < 2; i++) s->brightness[i] = in->header.brightness[i];
+        s->brightness = in->header.brightness;
     }
 }
 

@@ -25,7 +25,7 @@ int main(void) {
     while (hydra_render_step(r) == HYDRA_MORE) printf("\r%3.0f %%", 100.0 * hydra_render_status(r).fraction);
     hydra_render_read(r, HYDRA_RADIANCE, pixels, 0); /* float RGB, linear, row 0 on top */
     hydra_render_read(r, HYDRA_ERROR, sigma, 0);     /* standard error of each value */
-    printf("\rbelow the lamp: %.3f +- %.3f W/(m^2 sr)\n", pixels[64][80][0], sigma[64][80][0]);
+    printf("\rbelow the lamp: %.4f +- %.4f W/(m^2 sr)\n", pixels[64][80][0], sigma[64][80][0]);
 
     hydra_render_destroy(r);
     hydra_scene_destroy(scene);

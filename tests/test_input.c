@@ -272,7 +272,7 @@ static void test_materials(void **state) {
     BAD_MATERIAL(emission[0] = infinite, HYDRA_ERROR_NOT_FINITE);
     BAD_MATERIAL(roughness = nan_value, HYDRA_ERROR_NOT_FINITE);
     BAD_MATERIAL(ior = nan_value, HYDRA_ERROR_NOT_FINITE);
-    BAD_MATERIAL(kind = HYDRA_MATERIAL_CONDUCTOR; d.k[0] = 1; d.eta[1] = infinite, HYDRA_ERROR_NOT_FINITE);
+    BAD_MATERIAL(kind = HYDRA_MATERIAL_CONDUCTOR; d.k[0] = 1; d.eta[1] = infinite, HYDRA_ERROR_IOR);
     BAD_MATERIAL(absorption[1] = nan_value, HYDRA_ERROR_NOT_FINITE);
     BAD_MATERIAL(normal_scale = nan_value, HYDRA_ERROR_NOT_FINITE);
     BAD_MATERIAL(base_color_texture.id = 77, HYDRA_ERROR_HANDLE);

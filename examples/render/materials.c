@@ -54,6 +54,8 @@ static float highest(const float rgb[3]) { return fmaxf(rgb[0], fmaxf(rgb[1], rg
 
 /* ---------------------------------------------------------------- textures */
 
+enum { GLTF_NEAREST = 9728 }; /* the number of the filter in glTF and OpenGL */
+
 static hydra_wrap to_wrap(enum aiTextureMapMode mode) {
     if (mode == aiTextureMapMode_Clamp || mode == aiTextureMapMode_Decal) return HYDRA_WRAP_CLAMP;
     return mode == aiTextureMapMode_Mirror ? HYDRA_WRAP_MIRROR : HYDRA_WRAP_REPEAT;
@@ -69,7 +71,9 @@ static hydra_texture get_texture(texture_cache *textures, const struct aiMateria
     if (aiGetMaterialTexture(m, type, 0, &path, NULL, &set, NULL, NULL, modes, NULL) != aiReturn_SUCCESS) return none;
     if (name != NULL) *name = path;
     if (uv_set != NULL) *uv_set = set;
-    return textures_get(textures, path.data, srgb, to_wrap(modes[0]), to_wrap(modes[1]));
+    texture_use use = {srgb, false, to_wrap(modes[0]), to_wrap(modes[1])};
+    use.nearest = get_int(m, AI_MATKEY_GLTF_MAPPINGFILTER_MAG(type, 0), 0) == GLTF_NEAREST;
+    return textures_get(textures, path.data, &use);
 }
 
 static void warn_ignored(const struct aiMaterial *m, const char *name, enum aiTextureType type, const char *what) {

@@ -143,10 +143,36 @@ static bool load(image *result, const texture_cache *cache, const char *name) {
 
 /* ---------------------------------------------------------------- the cache */
 
+/* hydra blends between texels. Where the file wants squares, a small picture is repeated texel by texel up to this
+   size, which leaves a narrow blend at the edges; a larger one looks the same either way. */
+enum { SHARP_SIZE = 256 };
+
+static int repeats_for(const image *picture) {
+    int larger = picture->width > picture->height ? picture->width : picture->height;
+    return larger < SHARP_SIZE ? SHARP_SIZE / larger : 1;
+}
+
+static void sharpen(image *picture) {
+    int times = repeats_for(picture), width = picture->width * times, height = picture->height * times;
+    if (times < 2) return;
+    size_t texel = picture->is_float ? 16 : 4;
+    unsigned char *larger = app_alloc((size_t)width * (size_t)height, texel);
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            size_t from = (size_t)(y / times) * (size_t)picture->width + (size_t)(x / times), to = (size_t)y * (size_t)width + (size_t)x;
+            memcpy(larger + to * texel, (unsigned char *)picture->texels + from * texel, texel);
+        }
+    stbi_image_free(picture->texels);
+    picture->texels = larger;
+    picture->width = width;
+    picture->height = height;
+}
+
 static hydra_texture add(const texture_cache *cache, const texture_entry *entry) {
     hydra_texture none = {0};
     image picture;
     if (!load(&picture, cache, entry->name)) return none;
+    if (entry->nearest) sharpen(&picture);
     hydra_texture_desc desc;
     memset(&desc, 0, sizeof desc);
     desc.texels = picture.texels;
@@ -160,15 +186,24 @@ static hydra_texture add(const texture_cache *cache, const texture_entry *entry)
     return texture;
 }
 
-hydra_texture textures_get(texture_cache *cache, const char *name, bool srgb, hydra_wrap wrap_u, hydra_wrap wrap_v) {
-    hydra_texel_format format = srgb ? HYDRA_TEXEL_RGBA8_SRGB : HYDRA_TEXEL_RGBA8_LINEAR;
-    for (size_t i = 0; i < cache->count; i++) {
-        const texture_entry *known = &cache->entries[i];
-        if (known->format == format && known->wrap_u == wrap_u && known->wrap_v == wrap_v && strcmp(known->name, name) == 0)
-            return known->texture;
-    }
-    texture_entry entry = {NULL, format, wrap_u, wrap_v, {0}};
+static bool is_same(const texture_entry *a, const texture_entry *b) {
+    return a->format == b->format && a->wrap_u == b->wrap_u && a->wrap_v == b->wrap_v && a->nearest == b->nearest &&
+           strcmp(a->name, b->name) == 0;
+}
+
+hydra_texture textures_get(texture_cache *cache, const char *name, const texture_use *use) {
+    texture_entry entry;
+    memset(&entry, 0, sizeof entry);
     entry.name = app_copy(name);
+    entry.format = use->srgb ? HYDRA_TEXEL_RGBA8_SRGB : HYDRA_TEXEL_RGBA8_LINEAR;
+    entry.wrap_u = use->wrap_u;
+    entry.wrap_v = use->wrap_v;
+    entry.nearest = use->nearest;
+    for (size_t i = 0; i < cache->count; i++) {
+        if (!is_same(&cache->entries[i], &entry)) continue;
+        free(entry.name);
+        return cache->entries[i].texture;
+    }
     entry.texture = add(cache, &entry);
     cache->entries = app_realloc(cache->entries, cache->count + 1, sizeof entry);
     cache->entries[cache->count++] = entry;

@@ -13,6 +13,7 @@ typedef struct texture_entry {
     char *name;
     hydra_texel_format format;
     hydra_wrap wrap_u, wrap_v;
+    bool nearest;
     hydra_texture texture; /* id 0: could not be had, and was complained about */
 } texture_entry;
 
@@ -24,8 +25,14 @@ typedef struct texture_cache {
     size_t count;
 } texture_cache;
 
-/* srgb: colours; else data. A texture that cannot be had is id 0 after a warning. */
-hydra_texture textures_get(texture_cache *cache, const char *name, bool srgb, hydra_wrap wrap_u, hydra_wrap wrap_v);
+/* How a texture is to be read. srgb: colours; else data. nearest: texels are little squares, not blended. */
+typedef struct texture_use {
+    bool srgb, nearest;
+    hydra_wrap wrap_u, wrap_v;
+} texture_use;
+
+/* A texture that cannot be had is id 0 after a warning. */
+hydra_texture textures_get(texture_cache *cache, const char *name, const texture_use *use);
 void textures_free(texture_cache *cache);
 
 #endif

@@ -1,21 +1,24 @@
 /* >>render-adaptive: which tile gets how many samples
 
    HYDRA's tiles (ALGORITHMS section 3) with a stopping rule that does not bias the picture. Stopping when one's own
-   estimate looks good favours estimates that missed something. So each half of the samples judges the other: half A's
-   samples enter the picture up to the stage at which half B found the error small enough, and the other way round. How
-   many of a half's samples count is then independent of what they say, and its mean stays unbiased. A half that has
-   been judged but has not yet judged goes on sampling for its verdict only.
+   samples look good favours samples that missed something. So a pixel never decides for itself: the pixels of a tile
+   form 16 groups, each spread evenly over the tile, and a group stops counting its samples when the error that the
+   *other* groups show is small enough. How many of a pixel's samples count is then independent of what they say, and
+   its mean and its error bar stay unbiased. Any two groups' judges share most of their evidence, so all groups of a
+   tile stop at nearly the same stage; until the last one does, all go on sampling to be evidence for it.
+   (Two halves of each pixel's samples that judge each other are unbiased as well; but two judges with nothing in common
+   disagree so often where light is rare that every second sample was evidence only.)
 
-   Error of a tile, as half h sees it: sqrt(mean over pixels of w v / 2n), v a pixel's sample variance of luminance
-   (within chunks, pooled), n the samples of one half, w = 1 / max(mean, L / 10)^2 with L the picture's mean luminance,
-   everything from half h. A tile is also charged with one sample of luminance L that it has not seen: a black tile
-   must be sampled until that would not matter. */
+   Error of a tile, from a set of its pixels: sqrt(mean over them of w v / n), v a pixel's sample variance of luminance
+   (within chunks, pooled), n its samples, w = 1 / max(mean, L / 10)^2 with L the picture's mean luminance. A tile is
+   also charged with one sample of luminance L that it has not seen: a black tile must be sampled until that would not
+   matter. A pixel that is alone in its tile has no others, and judges itself. */
 #ifndef HYI_ADAPTIVE_H
 #define HYI_ADAPTIVE_H
 
 #include "film.h"
 
-#define HYI_CHUNK_SAMPLES 8u  /* a pixel, half of them for each half */
+#define HYI_CHUNK_SAMPLES 8u  /* of a pixel, half of them for each half */
 #define HYI_LEAST_CHUNKS 4u   /* before any verdict */
 #define HYI_DARK_SHARE 0.1    /* of L: darker pixels are judged as if that bright */
 
@@ -36,12 +39,12 @@ typedef struct hyi_schedule {
     uint32_t rounds_each; /* chunks the tile that lacks most must take */
     hyi_atomic next;      /* unit of the round: chunk-major, so that a tile's chunks are taken in order */
     uint32_t weighed_stage; /* whose weights stand below; stage 0 has none */
-    float *weights;       /* 2 a pixel, where there is a target */
-    double brightness[2]; /* L by each half, at the start of the stage */
+    float *weights;       /* of each pixel, where there is a target */
+    double brightness;    /* L at the start of the stage */
 } hyi_schedule;
 
 HYI_FN bool hyi_tile_is_done(const hyi_schedule *schedule, const hyi_tile *tile) {
-    return tile->chunks >= schedule->total_chunks || (tile->passed[0] && tile->passed[1]);
+    return tile->chunks >= schedule->total_chunks || tile->closed == HYI_ALL_GROUPS;
 }
 
 HYI_FN uint32_t hyi_stage_target(const hyi_schedule *schedule) {
@@ -51,26 +54,52 @@ HYI_FN uint32_t hyi_stage_target(const hyi_schedule *schedule) {
 
 /* ---- what a chunk says about the error */
 
-/* Sum over the chunk's pixels of weight times sample variance, for one half; lum holds samples of both halves. */
-HYI_FN double hyi_pixel_variance(const float *lum, uint32_t samples, int half) {
+/* Sample variance of one pixel within a chunk, from both halves; each is a net of its own. */
+HYI_FN double hyi_chunk_variance(const float *luminance, uint32_t samples) {
     double sum = 0.0, squares = 0.0;
-    uint32_t n = 0;
-    for (uint32_t s = (uint32_t)half; s < samples; s += 2, n++) {
-        sum += (double)lum[s];
-        squares += (double)lum[s] * (double)lum[s];
+    for (uint32_t s = 0; s < samples; s++) {
+        sum += (double)luminance[s];
+        squares += (double)luminance[s] * (double)luminance[s];
     }
-    if (n < 2) return 0.0;
-    double variance = (squares - sum * sum / (double)n) / (double)(n - 1);
+    double variance = (squares - sum * sum / (double)samples) / (double)(samples - 1);
     return variance > 0.0 ? variance : 0.0;
 }
 
-HYI_FN bool hyi_tile_passes(const hyi_schedule *schedule, const hyi_tile *tile, int half, uint32_t pixels) {
-    if (tile->judged == 0) return false;
-    double n = 0.5 * (double)tile->taken, count = (double)pixels;
-    double variance = hyi_sum_value(&tile->statistic[half]) / ((double)tile->judged * count);
-    double unseen = 1.0 / (HYI_DARK_SHARE * HYI_DARK_SHARE) / (2.0 * n * count);
-    double error = sqrt((variance + (schedule->brightness[half] > 0.0 ? unseen : 0.0)) / (2.0 * n));
-    return error <= (double)schedule->target;
+/* ---- verdicts */
+
+/* Pixels of each group that lie in the region; returns how many in all. */
+HYI_FN uint32_t hyi_count_groups(const hyi_film *film, size_t tile, uint32_t counts[HYI_GROUPS]) {
+    uint32_t all = 0;
+    memset(counts, 0, HYI_GROUPS * sizeof *counts);
+    for (uint32_t i = 0; i < film->tile_pixels; i++) {
+        uint32_t x = hyi_tile_left(film, tile) + film->pixel_x[i], y = hyi_tile_top(film, tile) + film->pixel_y[i];
+        if (x < film->left || x >= film->right || y < film->top || y >= film->bottom) continue;
+        counts[hyi_group_of(i)]++;
+        all++;
+    }
+    return all;
+}
+
+/* Squared error of a tile, from statistic over count of its pixels. */
+HYI_FN double hyi_tile_error_square(const hyi_schedule *schedule, const hyi_tile *tile, double statistic, double count) {
+    double n = (double)tile->taken, variance = statistic / ((double)tile->judged * count);
+    double unseen = schedule->brightness > 0.0 ? 1.0 / (HYI_DARK_SHARE * HYI_DARK_SHARE * n * count) : 0.0;
+    return (variance + unseen) / n;
+}
+
+/* Closes each group that all others find good enough. */
+HYI_FN void hyi_judge_tile(const hyi_schedule *schedule, const hyi_film *film, hyi_tile *tile, size_t index) {
+    uint32_t counts[HYI_GROUPS], all = hyi_count_groups(film, index, counts);
+    double target = (double)schedule->target * (double)schedule->target;
+    if (tile->judged == 0) return;
+    for (uint32_t g = 0; g < HYI_GROUPS; g++) {
+        bool alone = counts[g] == all;
+        double statistic = 0.0;
+        for (uint32_t other = 0; other < HYI_GROUPS; other++)
+            if (other != g || alone) statistic += hyi_sum_value(&tile->statistic[other]);
+        double count = (double)(alone ? all : all - counts[g]);
+        if (counts[g] == 0 || hyi_tile_error_square(schedule, tile, statistic, count) <= target) tile->closed |= 1u << g;
+    }
 }
 
 /* ---- between stages */
@@ -90,34 +119,28 @@ HYI_FN uint32_t hyi_tile_inside(const hyi_film *film, size_t tile) {
 HYI_FN void hyi_judge_tiles(const hyi_schedule *schedule, hyi_film *film) {
     for (size_t i = 0; i < hyi_film_tile_count(film); i++) {
         hyi_tile *tile = &film->tiles[i];
-        if (tile->chunks < HYI_LEAST_CHUNKS || tile->chunks != hyi_stage_target(schedule)) continue;
-        for (int half = 0; half < 2; half++)
-            if (!tile->passed[half]) tile->passed[half] = hyi_tile_passes(schedule, tile, half, hyi_tile_inside(film, i)) ? 1u : 0u;
+        if (tile->chunks >= HYI_LEAST_CHUNKS && tile->chunks == hyi_stage_target(schedule)) hyi_judge_tile(schedule, film, tile, i);
     }
 }
 
-HYI_FN void hyi_measure_brightness(hyi_schedule *schedule, const hyi_film *film) {
-    double sum[2] = { 0.0, 0.0 };
-    for (size_t i = 0; i < hyi_film_pixel_count(film); i++) {
-        const hyi_tile *tile = &film->tiles[i / film->tile_pixels];
-        for (int half = 0; half < 2; half++) {
-            double mean[3];
-            hyi_half_mean(film, tile, i, half, mean);
-            sum[half] += hyi_wide_luminance(mean);
-        }
-    }
-    double count = (double)(film->right - film->left) * (double)(film->bottom - film->top);
-    for (int half = 0; half < 2; half++) schedule->brightness[half] = sum[half] / count;
+HYI_FN double hyi_stored_luminance(const hyi_film *film, size_t index) {
+    double mean[3];
+    hyi_pixel_mean(film, &film->tiles[index / film->tile_pixels], index, mean);
+    return hyi_wide_luminance(mean);
+}
+
+/* Pixels beyond the region hold zeros and add nothing. */
+HYI_FN double hyi_brightness(const hyi_film *film) {
+    double sum = 0.0;
+    for (size_t i = 0; i < hyi_film_pixel_count(film); i++) sum += hyi_stored_luminance(film, i);
+    return sum / ((double)(film->right - film->left) * (double)(film->bottom - film->top));
 }
 
 HYI_FN void hyi_weigh_tile(hyi_schedule *schedule, const hyi_film *film, size_t tile) {
-    for (size_t i = tile * film->tile_pixels; i < (tile + 1) * film->tile_pixels; i++)
-        for (int half = 0; half < 2; half++) {
-            double mean[3];
-            hyi_half_mean(film, &film->tiles[tile], i, half, mean);
-            double scale = fmax(hyi_wide_luminance(mean), HYI_DARK_SHARE * schedule->brightness[half]);
-            schedule->weights[2 * i + (size_t)half] = scale > 0.0 ? (float)(1.0 / scale) : 0.0f;
-        }
+    for (size_t i = tile * film->tile_pixels; i < (tile + 1) * film->tile_pixels; i++) {
+        double scale = fmax(hyi_stored_luminance(film, i), HYI_DARK_SHARE * schedule->brightness);
+        schedule->weights[i] = scale > 0.0 ? (float)(1.0 / scale) : 0.0f;
+    }
 }
 
 /* The tiles that this stage still owes chunks. */
@@ -149,7 +172,7 @@ HYI_FN bool hyi_next_round(hyi_schedule *schedule, hyi_film *film) {
         schedule->stage++;
     }
     if (schedule->target > 0.0f && schedule->weighed_stage != schedule->stage) {
-        hyi_measure_brightness(schedule, film);
+        schedule->brightness = hyi_brightness(film);
         for (uint32_t i = 0; i < schedule->active_count; i++) hyi_weigh_tile(schedule, film, schedule->active[i]);
         schedule->weighed_stage = schedule->stage;
     }

@@ -1,8 +1,7 @@
 /* >>render-film: what is known of each pixel, and how samples come in
 
-   Even samples of a pixel make one half of its estimate, odd ones the other; the pixel's value is the mean of the two
-   means. The halves never see each other's random numbers, so their difference tells the true error of the scrambled
-   points, and each may decide when the other stops (adaptive.h). */
+   Even samples of a pixel make one half of its estimate, odd ones the other. The halves never see each other's random
+   numbers, so their difference tells the true error of the scrambled points (statistics.h). */
 #ifndef HYI_FILM_H
 #define HYI_FILM_H
 
@@ -38,16 +37,21 @@ typedef enum hyi_plane {
 } hyi_plane;
 HYI_FN bool hyi_plane_is_pair(int plane) { return plane <= HYI_PLANE_IRRADIANCE; }
 
+/* The pixels of a tile fall into groups, 16 pixels apart in Morton order: the places of a 4x4 block (adaptive.h). */
+#define HYI_GROUPS 16u
+HYI_INLINE uint32_t hyi_group_of(size_t pixel) { return (uint32_t)(pixel % HYI_GROUPS); }
+
 /* All tiles' pixels stand in one array, tile after tile. */
 typedef struct hyi_tile {
-    uint32_t chunks;      /* taken of the schedule */
-    uint32_t taken;       /* samples a pixel in them */
-    uint32_t reported[2]; /* samples of each half that are in the sums */
-    uint32_t passed[2];   /* the half found the error small enough */
-    uint32_t judged;      /* chunks that the statistic below holds */
-    hyi_sum statistic[2]; /* sum over judged chunks of the weighted sample variance */
+    uint32_t chunks; /* taken of the schedule */
+    uint32_t taken;  /* samples a pixel in them */
+    uint32_t judged; /* chunks that the statistic below holds */
+    uint32_t closed; /* groups that the others found good enough: a bit each */
+    uint32_t reported[HYI_GROUPS]; /* samples of a pixel that are in the sums, half of them in each half */
+    hyi_sum statistic[HYI_GROUPS]; /* sum over judged chunks and the group's pixels of the weighted sample variance */
     hyi_atomic lock;
 } hyi_tile;
+#define HYI_ALL_GROUPS ((1u << HYI_GROUPS) - 1u)
 
 typedef struct hyi_film {
     uint32_t tile_width, tile_height, tile_pixels;
@@ -209,7 +213,7 @@ HYI_FN void hyi_add_means(hyi_film *film, size_t pixel, const hyi_lane *lane) {
     hyi_plane_add(film, HYI_PLANE_DEPTH, pixel, hyk_make3(first.depth, 0.0f, 0.0f));
 }
 
-/* The part of the picture that the halves share out: only while the half is open. */
+/* The part of the picture that only counts while the pixel's group is open. */
 HYI_FN void hyi_add_radiance(hyi_film *film, size_t index, int half, const hyi_lane *lane, const float rgb[3], float luminance) {
     hyi_pixel *pixel = &film->pixels[index];
     const double wide[3] = { (double)rgb[0], (double)rgb[1], (double)rgb[2] };
@@ -243,23 +247,18 @@ HYI_FN float hyi_film_add(hyi_film *film, size_t index, int half, bool open, hyi
 
 HYI_FN void hyi_half_mean(const hyi_film *film, const hyi_tile *tile, size_t index, int half, double mean[3]) {
     const hyi_pixel *pixel = &film->pixels[index];
-    double n = tile->reported[half] ? (double)tile->reported[half] : 1.0;
+    uint32_t reported = tile->reported[hyi_group_of(index)];
+    double n = reported ? 0.5 * (double)reported : 1.0;
     for (int i = 0; i < 3; i++) mean[i] = hyi_lanes_value(pixel->rgb[half][i], pixel->rgb_top[half]) / n;
 }
 
 HYI_FN double hyi_wide_luminance(const double c[3]) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; }
 
-/* Mean of the two halves' means; a half without samples does not count. */
-HYI_FN void hyi_mean_of_halves(const hyi_tile *tile, const double a[3], const double b[3], double mean[3]) {
-    double wa = tile->reported[0] ? 1.0 : 0.0, wb = tile->reported[1] ? 1.0 : 0.0, scale = wa + wb > 0.0 ? 1.0 / (wa + wb) : 0.0;
-    for (int i = 0; i < 3; i++) mean[i] = (wa * a[i] + wb * b[i]) * scale;
-}
-
 HYI_FN void hyi_pixel_mean(const hyi_film *film, const hyi_tile *tile, size_t index, double mean[3]) {
     double a[3], b[3];
     hyi_half_mean(film, tile, index, 0, a);
     hyi_half_mean(film, tile, index, 1, b);
-    hyi_mean_of_halves(tile, a, b, mean);
+    for (int i = 0; i < 3; i++) mean[i] = 0.5 * (a[i] + b[i]);
 }
 
 #endif /* HYI_FILM_H */

@@ -21,13 +21,9 @@ HYI_FN float hyi_lightmap_factor(const hydra_render *r, int channel) {
 }
 
 HYI_FN void hyi_read_pair(const hydra_render *r, hyi_plane plane, size_t index, const hyi_tile *tile, double mean[3]) {
-    double half[2][3];
-    for (int h = 0; h < 2; h++) {
-        double n = tile->reported[h] ? (double)tile->reported[h] : 1.0;
-        hyi_sum3_value(&r->film.planes[plane][2 * index + (size_t)h], half[h]);
-        for (int c = 0; c < 3; c++) half[h][c] /= n;
-    }
-    hyi_mean_of_halves(tile, half[0], half[1], mean);
+    double half[2][3], n = (double)tile->reported[hyi_group_of(index)];
+    for (int h = 0; h < 2; h++) hyi_sum3_value(&r->film.planes[plane][2 * index + (size_t)h], half[h]);
+    for (int c = 0; c < 3; c++) mean[c] = n > 0.0 ? (half[0][c] + half[1][c]) / n : 0.0;
 }
 
 HYI_FN void hyi_read_mean(const hydra_render *r, hyi_plane plane, size_t index, double count, double mean[3]) {
@@ -63,8 +59,8 @@ HYI_FN void hyi_read_color(const hydra_render *r, hydra_output output, size_t in
 HYI_FN uint32_t hyi_read_validity(const hydra_render *r, size_t index) {
     const hyi_tile *tile = &r->film.tiles[index / r->film.tile_pixels];
     uint32_t bits = 0;
-    if (tile->reported[0] + tile->reported[1]) bits |= HYDRA_VALID_SAMPLED;
-    if (tile->passed[0] && tile->passed[1]) bits |= HYDRA_VALID_CONVERGED;
+    if (tile->reported[hyi_group_of(index)]) bits |= HYDRA_VALID_SAMPLED;
+    if (tile->closed >> hyi_group_of(index) & 1u) bits |= HYDRA_VALID_CONVERGED;
     if (hyi_is_heavy(&r->film, index)) bits |= HYDRA_VALID_HEAVY_TAIL;
     if (r->film.pixels[index].dropped) bits |= HYDRA_VALID_DROPPED;
     if (r->desc.sensor.kind == HYDRA_SENSOR_POINTS) {
@@ -90,7 +86,7 @@ HYI_FN uint32_t hyi_read_word(const hydra_render *r, hydra_output output, size_t
         case HYDRA_INSTANCE_ID: return r->film.ids[index].instance;
         case HYDRA_MESH_ID: return r->film.ids[index].mesh;
         case HYDRA_MATERIAL_ID: return r->film.ids[index].material;
-        case HYDRA_SAMPLES: return tile->reported[0] + tile->reported[1];
+        case HYDRA_SAMPLES: return tile->reported[hyi_group_of(index)];
         default: return hyi_read_validity(r, index);
     }
 }

@@ -115,7 +115,7 @@ HYI_FN uint32_t hyi_wants_of(const hyi_film *film) {
 }
 
 HYI_FN size_t hyi_schedule_bytes(const hyi_film *film, bool adaptive) {
-    return 2 * hyi_film_tile_count(film) * sizeof(uint32_t) + (adaptive ? 2 * hyi_film_pixel_count(film) * sizeof(float) : 0);
+    return 2 * hyi_film_tile_count(film) * sizeof(uint32_t) + (adaptive ? hyi_film_pixel_count(film) * sizeof(float) : 0);
 }
 HYI_FN size_t hyi_worker_bytes(const hyi_film *film) {
     return (size_t)film->tile_pixels * HYI_CHUNK_SAMPLES * HYI_LANE_BYTES + sizeof(hyi_batch) + sizeof(double);
@@ -149,8 +149,8 @@ HYI_FN hydra_result hyi_schedule_alloc(hydra_render *r) {
     HYI_TRY(hyi_alloc_array(r->context, &s->active, tiles));
     HYI_TRY(hyi_alloc_array(r->context, &s->base, tiles));
     if (!(s->target > 0.0f)) return HYDRA_OK;
-    HYI_TRY(hyi_alloc_array(r->context, &s->weights, 2 * hyi_film_pixel_count(&r->film)));
-    memset(s->weights, 0, 2 * hyi_film_pixel_count(&r->film) * sizeof *s->weights);
+    HYI_TRY(hyi_alloc_array(r->context, &s->weights, hyi_film_pixel_count(&r->film)));
+    memset(s->weights, 0, hyi_film_pixel_count(&r->film) * sizeof *s->weights);
     return HYDRA_OK;
 }
 
@@ -189,7 +189,7 @@ HYDRA_API void hydra_render_destroy(hydra_render *render) {
     hyi_free_array(context, &render->accumulate, render->workers);
     hyi_free_array(context, &render->schedule.active, hyi_film_tile_count(&render->film));
     hyi_free_array(context, &render->schedule.base, hyi_film_tile_count(&render->film));
-    hyi_free_array(context, &render->schedule.weights, 2 * hyi_film_pixel_count(&render->film));
+    hyi_free_array(context, &render->schedule.weights, hyi_film_pixel_count(&render->film));
     hyi_film_free(context, &render->film);
     hyi_sensor_free(context, &render->sensor);
     render->scene->renders_living--;
@@ -244,35 +244,32 @@ HYI_FN void hyi_keep_ids(hydra_render *r, size_t index, const hyi_lane *lane) {
     ids->material = lane->first.material == HYK_NONE ? 0 : lane->first.material;
 }
 
-HYI_FN void hyi_accumulate_pixel(hydra_render *r, hyi_tile *tile, const hyi_chunk *chunk, size_t index, hyi_lane *lanes, double judgement[2]) {
+HYI_FN void hyi_accumulate_pixel(hydra_render *r, const hyi_tile *tile, const hyi_chunk *chunk, size_t index, hyi_lane *lanes, double *judgement) {
     float luminance[HYI_CHUNK_SAMPLES];
     if (r->film.ids && chunk->first_sample == r->film.first_sample) hyi_keep_ids(r, index, &lanes[0]);
-    for (uint32_t s = 0; s < chunk->samples; s++) {
-        int half = (int)(s & 1);
-        luminance[s] = hyi_film_add(&r->film, index, half, !tile->passed[1 - half], &lanes[s]);
-    }
+    uint32_t group = hyi_group_of(index);
+    bool open = !(tile->closed >> group & 1u);
+    for (uint32_t s = 0; s < chunk->samples; s++) luminance[s] = hyi_film_add(&r->film, index, (int)(s & 1), open, &lanes[s]);
     if (!r->schedule.weights) return;
-    for (int half = 0; half < 2; half++) {
-        double weight = (double)r->schedule.weights[2 * index + (size_t)half];
-        judgement[half] += weight * weight * hyi_pixel_variance(luminance, chunk->samples, half);
-    }
+    double weight = (double)r->schedule.weights[index];
+    judgement[group] += weight * weight * hyi_chunk_variance(luminance, chunk->samples);
 }
 
 /* The order in which chunks arrive does not matter: every sum is exact. */
 HYI_FN void hyi_accumulate(hydra_render *r, uint32_t tile_index, const hyi_chunk *chunk, hyi_lane *lanes) {
     hyi_tile *tile = &r->film.tiles[tile_index];
-    double judgement[2] = { 0.0, 0.0 };
+    double judgement[HYI_GROUPS] = { 0.0 };
     while (!hyi_atomic_swap_if(&tile->lock, 0, 1)) continue;
     for (uint32_t p = 0; p < chunk->pixels; p++) {
         hyi_lane *first = &lanes[p * chunk->samples];
         if (first->flags & HYI_LANE_USED) hyi_accumulate_pixel(r, tile, chunk, (size_t)tile_index * chunk->pixels + p, first, judgement);
     }
-    for (int half = 0; half < 2; half++)
-        if (!tile->passed[1 - half]) tile->reported[half] += chunk->samples / 2;
+    for (uint32_t g = 0; g < HYI_GROUPS; g++)
+        if (!(tile->closed >> g & 1u)) tile->reported[g] += chunk->samples;
     tile->taken += chunk->samples;
     tile->chunks++;
     if (r->schedule.weights && r->schedule.stage > 0 && chunk->samples >= 4) {
-        for (int half = 0; half < 2; half++) hyi_sum_add(&tile->statistic[half], judgement[half]);
+        for (uint32_t g = 0; g < HYI_GROUPS; g++) hyi_sum_add(&tile->statistic[g], judgement[g]);
         tile->judged++;
     }
     hyi_atomic_store(&tile->lock, 0);

@@ -51,7 +51,7 @@ typedef struct hyi_film_header {
     uint32_t region[4];   /* left, top, right, bottom */
     uint32_t first_sample, end_sample;
     uint32_t range_count, stage, weighed_stage;
-    double brightness[2];
+    double brightness;
 } hyi_film_header;
 
 HYI_FN void hyi_stream_header(hyi_stream *s, hyi_film_header *h) {
@@ -65,20 +65,20 @@ HYI_FN void hyi_stream_header(hyi_stream *s, hyi_film_header *h) {
     hyi_stream_u32(s, &h->range_count);
     hyi_stream_u32(s, &h->stage);
     hyi_stream_u32(s, &h->weighed_stage);
-    for (int i = 0; i < 2; i++) hyi_stream_double(s, &h->brightness[i]);
+    hyi_stream_double(s, &h->brightness);
 }
 #define HYI_CHECKSUM_FROM 16u
 
 HYI_FN void hyi_stream_tile(hyi_stream *s, hyi_tile *t) {
     hyi_stream_u32(s, &t->chunks);
     hyi_stream_u32(s, &t->taken);
-    for (int h = 0; h < 2; h++) {
-        hyi_stream_u32(s, &t->reported[h]);
-        hyi_stream_u32(s, &t->passed[h]);
-        hyi_stream_lanes(s, &t->statistic[h].lanes);
-        hyi_stream_i16(s, &t->statistic[h].top);
-    }
     hyi_stream_u32(s, &t->judged);
+    hyi_stream_u32(s, &t->closed);
+    for (uint32_t g = 0; g < HYI_GROUPS; g++) {
+        hyi_stream_u32(s, &t->reported[g]);
+        hyi_stream_lanes(s, &t->statistic[g].lanes);
+        hyi_stream_i16(s, &t->statistic[g].top);
+    }
 }
 
 HYI_FN void hyi_stream_sum3(hyi_stream *s, hyi_sum3 *x) {
@@ -110,7 +110,7 @@ typedef struct hyi_pixel_state {
     hyi_pixel pixel;
     hyi_sum3 planes[2 * HYI_PLANE_COUNT];
     hyi_ids ids;
-    float weights[2];
+    float weight;
 } hyi_pixel_state;
 
 HYI_FN void hyi_stream_pixel_state(hyi_stream *s, const hydra_render *r, hyi_pixel_state *p) {
@@ -121,7 +121,7 @@ HYI_FN void hyi_stream_pixel_state(hyi_stream *s, const hydra_render *r, hyi_pix
         if (hyi_plane_is_pair(plane)) hyi_stream_sum3(s, &p->planes[2 * plane + 1]);
     }
     if (r->film.ids) hyi_stream_ids(s, &p->ids);
-    for (int h = 0; r->schedule.weights && h < 2; h++) hyi_stream_float(s, &p->weights[h]);
+    if (r->schedule.weights) hyi_stream_float(s, &p->weight);
 }
 
 HYI_FN hyi_pixel_state hyi_load_pixel_state(const hydra_render *r, size_t index) {
@@ -134,7 +134,7 @@ HYI_FN hyi_pixel_state hyi_load_pixel_state(const hydra_render *r, size_t index)
         for (size_t h = 0; h < each; h++) p.planes[2 * (size_t)plane + h] = r->film.planes[plane][each * index + h];
     }
     if (r->film.ids) p.ids = r->film.ids[index];
-    for (size_t h = 0; r->schedule.weights && h < 2; h++) p.weights[h] = r->schedule.weights[2 * index + h];
+    if (r->schedule.weights) p.weight = r->schedule.weights[index];
     return p;
 }
 
@@ -188,7 +188,7 @@ HYI_FN hyi_film_header hyi_describe_film(const hydra_render *r) {
     h.range_count = r->range_count;
     h.stage = r->schedule.stage;
     h.weighed_stage = r->schedule.weighed_stage;
-    for (int i = 0; i < 2; i++) h.brightness[i] = r->schedule.brightness[i];
+    h.brightness = r->schedule.brightness;
     return h;
 }
 
@@ -386,7 +386,7 @@ HYI_FN void hyi_merge_pixel(hydra_render *r, size_t index, const hyi_pixel_state
         for (size_t h = 0; h < each; h++) hyi_sum3_merge(&r->film.planes[plane][each * index + h], &in->planes[2 * (size_t)plane + h]);
     }
     if (r->film.ids && earlier) r->film.ids[index] = in->ids;
-    for (size_t h = 0; r->schedule.weights && h < 2; h++) r->schedule.weights[2 * index + h] = in->weights[h];
+    if (r->schedule.weights) r->schedule.weights[index] = in->weight;
 }
 
 HYI_FN void hyi_merge_tile(hydra_render *r, const hyi_incoming *in, size_t from, bool earlier) {
@@ -396,7 +396,7 @@ HYI_FN void hyi_merge_tile(hydra_render *r, const hyi_incoming *in, size_t from,
     hyi_tile *mine = &r->film.tiles[to];
     if (in->by_samples) {
         mine->taken += theirs.taken;
-        for (int h = 0; h < 2; h++) mine->reported[h] += theirs.reported[h];
+        for (uint32_t g = 0; g < HYI_GROUPS; g++) mine->reported[g] += theirs.reported[g];
     } else {
         *mine = theirs;
     }
@@ -428,7 +428,7 @@ HYI_FN void hyi_merge_schedule(hydra_render *r, const hyi_incoming *in, bool fre
     if (fresh || in->header.stage < s->stage) s->stage = in->header.stage;
     if (fresh) {
         s->weighed_stage = in->header.weighed_stage;
-        for (int i = 0; i < 2; i++) s->brightness[i] = in->header.brightness[i];
+        s->brightness = in->header.brightness;
     }
 }
 

@@ -32,25 +32,25 @@ HYI_FN hyi_block_pixel hyi_measure_pixel(const hyi_film *film, uint32_t x, uint3
     p.index = hyi_pixel_index(film, x, y);
     const hyi_tile *tile = &film->tiles[hyi_pixel_tile(film, x, y)];
     const hyi_pixel *pixel = &film->pixels[p.index];
-    double a[3], b[3], na = (double)tile->reported[0], nb = (double)tile->reported[1], n = na + nb;
+    double a[3], b[3], n = (double)tile->reported[hyi_group_of(p.index)];
     hyi_half_mean(film, tile, p.index, 0, a);
     hyi_half_mean(film, tile, p.index, 1, b);
-    hyi_mean_of_halves(tile, a, b, p.mean);
+    for (int i = 0; i < 3; i++) p.mean[i] = 0.5 * (a[i] + b[i]);
     for (int i = 0; i < 3; i++) p.half_square[i] = 0.25 * (a[i] - b[i]) * (a[i] - b[i]);
     p.luminance = hyi_wide_luminance(p.mean);
     double difference = hyi_wide_luminance(a) - hyi_wide_luminance(b);
     p.luminance_half_square = 0.25 * difference * difference;
-    double sum = na * hyi_wide_luminance(a) + nb * hyi_wide_luminance(b);
+    double sum = n * p.luminance;
     double squares = hyi_lanes_value(pixel->square, pixel->square_top);
     double variance = n > 1.0 ? fmax(squares - sum * sum / n, 0.0) / (n - 1.0) : 0.0;
-    p.scatter = na > 0.0 && nb > 0.0 ? 0.25 * (variance / na + variance / nb) : 0.0;
+    p.scatter = n > 0.0 ? variance / n : 0.0;
     return p;
 }
 
 /* Variance of a pixel in units of the block's calibration: its scatter, drawn to the block's mean while samples are few. */
 HYI_FN double hyi_smoothed_scatter(const hyi_film *film, const hyi_block *block, const hyi_block_pixel *p) {
     const hyi_tile *tile = &film->tiles[p->index / film->tile_pixels];
-    double n = (double)(tile->reported[0] + tile->reported[1]);
+    double n = (double)tile->reported[hyi_group_of(p->index)];
     return (n * p->scatter + HYI_PRIOR_SAMPLES * block->mean_scatter) / (n + HYI_PRIOR_SAMPLES);
 }
 
@@ -96,12 +96,7 @@ HYI_FN void hyi_pixel_error(const hyi_film *film, const hyi_block *block, uint32
 HYI_FN bool hyi_is_heavy(const hyi_film *film, size_t index) {
     const hyi_pixel *pixel = &film->pixels[index];
     const hyi_tile *tile = &film->tiles[index / film->tile_pixels];
-    double sum = 0.0, n = (double)(tile->reported[0] + tile->reported[1]);
-    for (int half = 0; half < 2; half++) {
-        double mean[3];
-        hyi_half_mean(film, tile, index, half, mean);
-        sum += hyi_wide_luminance(mean) * (double)tile->reported[half];
-    }
+    double n = (double)tile->reported[hyi_group_of(index)], sum = n * hyi_stored_luminance(film, index);
     return n >= 64.0 && (double)pixel->largest > 0.1 * sum && (double)pixel->largest > 20.0 * sum / n;
 }
 
@@ -127,17 +122,6 @@ HYI_FN void hyi_add_block_error(const hyi_film *film, const hyi_block *block, do
     sums->ratio_square += sum * sum;
     sums->blocks += 1.0;
     sums->pixels += (double)block->count;
-}
-
-HYI_FN double hyi_brightness(const hyi_film *film) {
-    double sum = 0.0;
-    for (uint32_t y = film->top; y < film->bottom; y++)
-        for (uint32_t x = film->left; x < film->right; x++) {
-            double mean[3];
-            hyi_pixel_mean(film, &film->tiles[hyi_pixel_tile(film, x, y)], hyi_pixel_index(film, x, y), mean);
-            sum += hyi_wide_luminance(mean);
-        }
-    return sum / ((double)(film->right - film->left) * (double)(film->bottom - film->top));
 }
 
 HYI_FN uint32_t hyi_align_down(uint32_t x) { return x - x % HYI_BLOCK; }
@@ -196,14 +180,13 @@ HYI_FN void hyi_sum_counters(const hydra_render *r, hydra_status *status) {
 }
 
 /* Share of the work that a tile has behind it, if error falls with the root of the samples. */
-HYI_FN double hyi_tile_fraction(const hyi_schedule *s, const hyi_film *film, size_t index) {
-    const hyi_tile *tile = &film->tiles[index];
+HYI_FN double hyi_tile_fraction(const hyi_schedule *s, const hyi_tile *tile, uint32_t inside) {
     if (hyi_tile_is_done(s, tile)) return 1.0;
     double fraction = (double)tile->chunks / (double)s->total_chunks;
     if (!(s->target > 0.0f) || !tile->judged) return fraction;
-    double n = 0.5 * (double)tile->taken, pixels = (double)hyi_tile_inside(film, index);
-    double variance = fmax(hyi_sum_value(&tile->statistic[0]), hyi_sum_value(&tile->statistic[1])) / ((double)tile->judged * pixels);
-    double square = variance / (2.0 * n), target = (double)s->target * (double)s->target;
+    double statistic = 0.0, target = (double)s->target * (double)s->target;
+    for (uint32_t g = 0; g < HYI_GROUPS; g++) statistic += hyi_sum_value(&tile->statistic[g]);
+    double square = hyi_tile_error_square(s, tile, statistic, (double)inside);
     return fmax(fraction, square > target ? target / square : 0.99);
 }
 
@@ -213,10 +196,10 @@ HYI_FN void hyi_measure_progress(const hydra_render *r, hydra_status *status) {
     size_t tiles = hyi_film_tile_count(film);
     bool first_pass = false;
     for (size_t i = 0; i < tiles; i++) {
-        double inside = (double)hyi_tile_inside(film, i);
-        sum += hyi_tile_fraction(&r->schedule, film, i);
-        samples += inside * (double)(film->tiles[i].reported[0] + film->tiles[i].reported[1]);
-        pixels += inside;
+        uint32_t groups[HYI_GROUPS], inside = hyi_count_groups(film, i, groups);
+        sum += hyi_tile_fraction(&r->schedule, &film->tiles[i], inside);
+        for (uint32_t g = 0; g < HYI_GROUPS; g++) samples += (double)groups[g] * (double)film->tiles[i].reported[g];
+        pixels += (double)inside;
         if (film->tiles[i].chunks == 0) first_pass = true;
         if (!hyi_tile_is_done(&r->schedule, &film->tiles[i])) status->tiles_active += 1.0;
     }
