@@ -310,6 +310,8 @@ typedef struct hydra_mesh_desc {
     hydra_view triangle_materials; /* hydra_material, one a triangle; none: material for all */
     hydra_material material;       /* none: Lambert 0.8 grey */
     bool instanced_only;    /* not in the scene by itself, only through instances */
+    bool dynamic;           /* will be edited: has a BVH of its own, so that an edit builds only that one again. The other
+                               meshes that stand by themselves share one, which rays pass faster */
 } hydra_mesh_desc;
 
 /* Degenerate triangles (no area, or two equal indices) are dropped from ray tracing and counted in
@@ -411,7 +413,7 @@ typedef struct hydra_scene_info {
     uint64_t degenerate;       /* dropped */
     uint64_t emitters;         /* lights and emitting triangles */
     double build_seconds;      /* of the last commit's BVH builds */
-    uint32_t meshes_built;     /* BVHs the last commit built; the others were kept */
+    uint32_t meshes_built;     /* BVHs the last commit built over triangles, the shared one counted once; the others were kept */
     size_t bytes_bvh, bytes_geometry, bytes_textures, bytes_materials, bytes_lights, bytes_environment, bytes_tables;
     float bounds_min[3], bounds_max[3]; /* of everything that rays can hit; both zero when empty */
 } hydra_scene_info;
@@ -5902,8 +5904,12 @@ typedef struct hyi_accel {
     const hyk_scene_view *view;
     const hyi_bvh *meshes;         /* by mesh index */
     const uint8_t *mesh_has_alpha; /* by mesh index; NULL: none has */
-    const hyi_bvh *instances;      /* over view->instances; unused when single */
-    bool single;                   /* exactly one instance, identity */
+    const hyi_bvh *world;          /* one tree over the first world_count instances, which are unmoved; NULL: none */
+    const uint32_t *world_first;   /* of each of them, its first triangle's number in that tree */
+    uint32_t world_count;
+    bool world_has_alpha;
+    const hyi_bvh *instances;      /* over the world, if any, and then the other instances; unused when single */
+    bool single;                   /* the world alone, or exactly one instance, identity */
     bool empty;
     const hyi_bvh *shapes;         /* over the RECT, DISC and SPHERE lights; NULL: none */
     const uint32_t *shape_lights;  /* light of each box in shapes */
@@ -6001,6 +6007,26 @@ HYI_INLINE void hyi_walk_stop(hyi_walk *walk) {
     walk->at = HYI_WALK_ENDED;
 }
 
+/* The triangles of the world are numbered through: which instance a number belongs to, and its number there. While a ray
+   is under way a hit on the world has instance 0; numbers of the world keep the order of (instance, primitive). */
+HYI_INLINE void hyi_locate_in_world(const hyi_accel *accel, uint32_t *instance, uint32_t *primitive) {
+    if (!accel->world || *instance != 0) return;
+    uint32_t low = 0, high = accel->world_count;
+    while (high - low > 1) {
+        uint32_t middle = low + (high - low) / 2;
+        if (accel->world_first[middle] <= *primitive) low = middle;
+        else high = middle;
+    }
+    *instance = low;
+    *primitive -= accel->world_first[low];
+}
+
+HYI_INLINE bool hyi_walk_lets_pass(const hyi_walk *walk, uint32_t primitive, const float weights[2]) {
+    uint32_t instance = walk->instance;
+    hyi_locate_in_world(walk->accel, &instance, &primitive);
+    return !hyk_hit_is_opaque(walk->accel->view, instance, primitive, weights[0], weights[1], *walk->ray);
+}
+
 /* Decides on one triangle of the leaf that at names. Returns whether it is the new best. */
 HYI_INLINE bool hyi_walk_offer(hyi_walk *walk, uint32_t lane, uint32_t flags) {
     float weights[2] = {0.0f, 0.0f};
@@ -6008,8 +6034,7 @@ HYI_INLINE bool hyi_walk_offer(hyi_walk *walk, uint32_t lane, uint32_t flags) {
     if (!(t >= walk->ray->t_min && t <= walk->best.t)) return false;
     uint32_t primitive = walk->bvh->ids[hyi_leaf_first(walk->at) + lane];
     if (!hyi_beats(&walk->best, t, walk->instance, primitive)) return false;
-    if ((flags & HYI_WALK_ALPHA) && walk->asks_alpha &&
-        !hyk_hit_is_opaque(walk->accel->view, walk->instance, primitive, weights[0], weights[1], *walk->ray)) return false;
+    if ((flags & HYI_WALK_ALPHA) && walk->asks_alpha && hyi_walk_lets_pass(walk, primitive, weights)) return false;
     walk->best.t = t;
     walk->best.u = weights[0];
     walk->best.v = weights[1];
@@ -6041,12 +6066,15 @@ HYI_INLINE float hyi_transform_row(hyk_vec3 row, float offset, const float *p) {
     return row.x * p[0] + row.y * p[1] + row.z * p[2] + offset;
 }
 
-/* Turns to the mesh of an instance; the way back up is marked on the stack. The direction is not
+/* Turns to the mesh of an instance, or to the world; the way back up is marked on the stack. The direction is not
    renormalised: t means the same below. One copy for all instruction sets: it rounds. */
 HYI_NOINLINE void hyi_walk_enter(hyi_walk *walk) {
-    uint32_t index = walk->bvh->ids[hyi_leaf_first(walk->at)];
-    const hyk_instance *placed = &walk->accel->view->instances[index];
-    const hyi_bvh *mesh = &walk->accel->meshes[placed->mesh];
+    const hyi_accel *accel = walk->accel;
+    uint32_t item = walk->bvh->ids[hyi_leaf_first(walk->at)];
+    bool world = accel->world && item == 0;
+    uint32_t index = accel->world && item > 0 ? accel->world_count + item - 1 : item;
+    const hyk_instance *placed = &accel->view->instances[index];
+    const hyi_bvh *mesh = world ? accel->world : &accel->meshes[placed->mesh];
     const hyk_ray *ray = walk->ray;
     float origin[3] = {ray->origin.x, ray->origin.y, ray->origin.z};
     float direction[3] = {ray->direction.x, ray->direction.y, ray->direction.z};
@@ -6069,7 +6097,7 @@ HYI_NOINLINE void hyi_walk_enter(hyi_walk *walk) {
     walk->bvh = mesh;
     walk->upper = false;
     walk->instance = index;
-    walk->asks_alpha = walk->accel->mesh_has_alpha && walk->accel->mesh_has_alpha[placed->mesh];
+    walk->asks_alpha = world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[placed->mesh];
     walk->at = mesh->root;
     walk->stack[walk->waiting].child = HYI_WALK_UP;
     walk->stack[walk->waiting++].t = 0.0f;
@@ -6098,12 +6126,12 @@ HYI_NOINLINE void hyi_walk_begin_tree(hyi_walk *walk, const hyi_accel *accel, co
     if (hyi_aim_at(&walk->aim, bvh, origin, direction, ray->t_min, limit, walk->upper)) walk->at = bvh->root;
 }
 
-/* Sets a ray on its way through the scene. One unmoved mesh has no upper tree. */
+/* Sets a ray on its way through the scene. The world alone, or one unmoved mesh, has no upper tree. */
 HYI_INLINE void hyi_walk_begin(hyi_walk *walk, const hyi_accel *accel, const hyk_ray *ray) {
     uint32_t mesh = accel->single ? accel->view->instances[0].mesh : 0u;
-    const hyi_bvh *bvh = accel->single ? &accel->meshes[mesh] : accel->instances;
+    const hyi_bvh *bvh = !accel->single ? accel->instances : accel->world ? accel->world : &accel->meshes[mesh];
     hyi_walk_begin_tree(walk, accel, bvh, ray, hyi_finite_limit(ray->t_max));
-    walk->asks_alpha = accel->single && accel->mesh_has_alpha && accel->mesh_has_alpha[mesh];
+    if (accel->single) walk->asks_alpha = accel->world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh];
 }
 
 HYI_INLINE void hyi_walk_answer(const hyi_walk *walk, hyk_hit *hit) {
@@ -6113,6 +6141,7 @@ HYI_INLINE void hyi_walk_answer(const hyi_walk *walk, hyk_hit *hit) {
     hit->v = walk->best.v;
     hit->instance = walk->best.instance;
     hit->primitive = walk->best.primitive;
+    hyi_locate_in_world(walk->accel, &hit->instance, &hit->primitive);
 }
 
 #endif /* HYI_BVH_WALK_H */
@@ -6875,7 +6904,9 @@ typedef struct hyi_texture_slot {
 
 /* The arrays belong to the scene. */
 typedef struct hyi_mesh_slot {
-    bool alive, built, instanced_only;
+    bool alive, instanced_only, dynamic;
+    bool built;    /* bvh is there: instances and dynamic meshes have one of their own */
+    bool in_world; /* part of the scene's world tree as it stands */
     uint32_t material; /* id; 0: the grey that needs no desc */
     uint32_t vertex_count, triangle_count;
     float *positions, *normals, *uvs;
@@ -6938,6 +6969,10 @@ struct hydra_scene {
     hyk_instance *placed;
     uint32_t *placed_ids; /* hydra_instance id of each, 0: a mesh by itself */
     size_t placed_count;
+    hyi_bvh world;         /* over the first world_count of placed: unmoved and not dynamic */
+    uint32_t *world_first; /* of each, its first triangle in world */
+    size_t world_count;
+    bool world_stale;      /* a mesh left it */
     hyi_bvh top;
     hyk_light *all_lights;
     uint32_t *light_ids; /* hydra_light id of each, 0: a triangle */
@@ -7019,6 +7054,13 @@ HYI_FN void hyi_free_placement(hydra_scene *scene) {
     scene->view_mesh_count = scene->placed_count = 0;
 }
 
+HYI_FN void hyi_free_world(hydra_scene *scene) {
+    hyi_bvh_free(scene->context, &scene->world);
+    hyi_free_array(scene->context, &scene->world_first, scene->world_count);
+    scene->world_count = 0;
+    for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = false;
+}
+
 HYI_FN void hyi_free_lights(hydra_scene *scene) {
     hydra_context *context = scene->context;
     hyi_free_array(context, &scene->all_lights, scene->all_light_count);
@@ -7047,6 +7089,7 @@ HYDRA_API hydra_result hydra_scene_destroy(hydra_scene *scene) {
     if (scene->renders_living) return hyi_fail(context, HYDRA_ERROR_BUSY, "%u renders of the scene are alive", scene->renders_living);
     hyi_free_lights(scene);
     hyi_free_placement(scene);
+    hyi_free_world(scene);
     hyi_free_tables(scene);
     hyi_free_environment(scene);
     for (size_t i = 0; i < scene->texture_count; i++) hyi_free_array(context, &scene->textures[i].texels, scene->textures[i].words);
@@ -7357,6 +7400,7 @@ HYI_FN hydra_result hyi_take_mesh_parts(hydra_scene *scene, const hydra_mesh_des
     HYI_TRY(hyi_take_triangle_materials(scene, desc, mesh));
     mesh->material = desc->material.id;
     mesh->instanced_only = desc->instanced_only;
+    mesh->dynamic = desc->dynamic;
     mesh->alive = true;
     return HYDRA_OK;
 }
@@ -7372,6 +7416,11 @@ HYI_FN hydra_result hyi_check_mesh_handle(hydra_scene *scene, hydra_mesh mesh, c
     if (mesh.id == 0 || mesh.id > scene->mesh_count || !scene->meshes[mesh.id - 1].alive)
         return hyi_fail(scene->context, HYDRA_ERROR_HANDLE, "%s: mesh %u", what, mesh.id);
     return HYDRA_OK;
+}
+
+HYI_FN void hyi_mesh_leave(hydra_scene *scene, hyi_mesh_slot *mesh) {
+    if (mesh->in_world) scene->world_stale = true;
+    hyi_mesh_release(scene->context, mesh);
 }
 
 HYDRA_API hydra_mesh hydra_scene_add_mesh(hydra_scene *scene, const hydra_mesh_desc *desc) {
@@ -7391,7 +7440,7 @@ HYDRA_API hydra_result hydra_scene_update_mesh(hydra_scene *scene, hydra_mesh me
     HYI_TRY(hyi_reject(scene, hyi_check_mesh_handle(scene, mesh, "hydra_scene_update_mesh")));
     hyi_mesh_slot fresh;
     HYI_TRY(hyi_reject(scene, hyi_take_mesh(scene, desc, &fresh)));
-    hyi_mesh_release(scene->context, &scene->meshes[mesh.id - 1]);
+    hyi_mesh_leave(scene, &scene->meshes[mesh.id - 1]);
     scene->meshes[mesh.id - 1] = fresh;
     scene->dirty |= HYI_DIRTY_MESHES | HYI_DIRTY_PLACEMENT;
     return HYDRA_OK;
@@ -7402,8 +7451,8 @@ HYDRA_API hydra_result hydra_scene_remove_mesh(hydra_scene *scene, hydra_mesh me
     HYI_TRY(hyi_reject(scene, hyi_check_mesh_handle(scene, mesh, "hydra_scene_remove_mesh")));
     for (size_t i = 0; i < scene->instance_count; i++)
         if (scene->instances[i].mesh == mesh.id - 1) scene->instances[i].alive = false;
-    hyi_mesh_release(scene->context, &scene->meshes[mesh.id - 1]);
-    scene->dirty |= HYI_DIRTY_PLACEMENT;
+    hyi_mesh_leave(scene, &scene->meshes[mesh.id - 1]);
+    scene->dirty |= HYI_DIRTY_MESHES | HYI_DIRTY_PLACEMENT;
     return HYDRA_OK;
 }
 
@@ -9025,17 +9074,102 @@ HYI_FN hydra_result hyi_commit_lights(hydra_scene *scene) {
 
 /* ---- meshes: each BVH that is not there yet */
 
-HYI_FN hydra_result hyi_commit_meshes(hydra_scene *scene) {
-    double start = hyi_seconds();
-    scene->info.meshes_built = 0;
-    for (size_t i = 0; i < scene->mesh_count; i++) {
+HYI_FN bool hyi_in_world(const hyi_mesh_slot *mesh) { return mesh->alive && !mesh->instanced_only && !mesh->dynamic; }
+
+/* Marks the meshes that need a tree of their own. */
+HYI_FN hydra_result hyi_mark_own_trees(hydra_scene *scene, uint8_t **marks) {
+    HYI_TRY(hyi_alloc_array(scene->context, marks, scene->mesh_count));
+    for (size_t i = 0; i < scene->mesh_count; i++)
+        (*marks)[i] = scene->meshes[i].alive && !scene->meshes[i].instanced_only && scene->meshes[i].dynamic ? 1 : 0;
+    for (size_t i = 0; i < scene->instance_count; i++)
+        if (scene->instances[i].alive) (*marks)[scene->instances[i].mesh] = 1;
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_build_own_trees(hydra_scene *scene) {
+    uint8_t *marks;
+    HYI_TRY(hyi_mark_own_trees(scene, &marks));
+    hydra_result result = HYDRA_OK;
+    for (size_t i = 0; i < scene->mesh_count && result == HYDRA_OK; i++) {
         hyi_mesh_slot *mesh = &scene->meshes[i];
-        if (!mesh->alive || mesh->built) continue;
-        HYI_TRY(hyi_bvh_build_triangles(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, &mesh->bvh));
-        mesh->built = true;
+        if (!marks[i] || mesh->built) continue;
+        result = hyi_bvh_build_triangles(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, &mesh->bvh);
+        mesh->built = result == HYDRA_OK;
         scene->info.meshes_built++;
     }
-    scene->info.build_seconds = hyi_seconds() - start;
+    hyi_free_array(scene->context, &marks, scene->mesh_count);
+    return result;
+}
+
+/* All meshes of the world behind each other, for the time of the build. */
+typedef struct hyi_world_arrays {
+    float *positions;
+    uint32_t *indices;
+    size_t vertices, triangles;
+} hyi_world_arrays;
+
+HYI_FN void hyi_fill_world(const hydra_scene *scene, hyi_world_arrays *w) {
+    size_t vertex = 0, triangle = 0;
+    for (size_t i = 0; i < scene->mesh_count; i++) {
+        const hyi_mesh_slot *mesh = &scene->meshes[i];
+        if (!hyi_in_world(mesh)) continue;
+        memcpy(w->positions + 3 * vertex, mesh->positions, (size_t)3 * mesh->vertex_count * sizeof *w->positions);
+        for (size_t c = 0; c < (size_t)3 * mesh->triangle_count; c++) w->indices[3 * triangle + c] = mesh->indices[c] + (uint32_t)vertex;
+        vertex += mesh->vertex_count;
+        triangle += mesh->triangle_count;
+    }
+}
+
+HYI_FN hydra_result hyi_build_joined_world(hydra_scene *scene, hyi_world_arrays *w) {
+    hydra_context *context = scene->context;
+    if (w->vertices > UINT32_MAX || w->triangles > UINT32_MAX)
+        return hyi_fail(context, HYDRA_ERROR_COUNT, "%zu vertices and %zu triangles in meshes that are not dynamic", w->vertices, w->triangles);
+    HYI_TRY(hyi_alloc_array(context, &w->positions, 3 * w->vertices));
+    hydra_result result = hyi_alloc_array(context, &w->indices, 3 * w->triangles);
+    if (result == HYDRA_OK) {
+        hyi_fill_world(scene, w);
+        result = hyi_bvh_build_triangles(context, w->positions, w->indices, (uint32_t)w->triangles, &scene->world);
+    }
+    hyi_free_array(context, &w->positions, 3 * w->vertices);
+    hyi_free_array(context, &w->indices, 3 * w->triangles);
+    return result;
+}
+
+HYI_FN bool hyi_world_is_fresh(const hydra_scene *scene) {
+    bool fresh = !scene->world_stale;
+    for (size_t i = 0; i < scene->mesh_count; i++) fresh = fresh && scene->meshes[i].in_world == hyi_in_world(&scene->meshes[i]);
+    return fresh;
+}
+
+/* The tree over all meshes that stand unmoved: built from a mesh's own arrays where there is only one. */
+HYI_FN hydra_result hyi_build_world(hydra_scene *scene) {
+    hyi_world_arrays w = { NULL, NULL, 0, 0 };
+    const hyi_mesh_slot *only = NULL;
+    size_t count = 0, at = 0;
+    for (size_t i = 0; i < scene->mesh_count; i++) count += hyi_in_world(&scene->meshes[i]) ? 1u : 0u;
+    hyi_free_world(scene);
+    HYI_TRY(hyi_alloc_array(scene->context, &scene->world_first, count));
+    scene->world_count = count;
+    for (size_t i = 0; i < scene->mesh_count; i++) {
+        if (!hyi_in_world(&scene->meshes[i])) continue;
+        only = &scene->meshes[i];
+        scene->world_first[at++] = (uint32_t)w.triangles;
+        w.vertices += only->vertex_count;
+        w.triangles += only->triangle_count;
+    }
+    if (count == 1) HYI_TRY(hyi_bvh_build_triangles(scene->context, only->positions, only->indices, only->triangle_count, &scene->world));
+    if (count > 1) HYI_TRY(hyi_build_joined_world(scene, &w));
+    for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = hyi_in_world(&scene->meshes[i]);
+    scene->world_stale = false;
+    scene->info.meshes_built += count ? 1u : 0u;
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_commit_meshes(hydra_scene *scene) {
+    double start = hyi_seconds();
+    HYI_TRY(hyi_build_own_trees(scene));
+    if (!hyi_world_is_fresh(scene)) HYI_TRY(hyi_build_world(scene));
+    scene->info.build_seconds += hyi_seconds() - start;
     return HYDRA_OK;
 }
 
@@ -9088,10 +9222,20 @@ HYI_FN hyk_instance hyi_placed_record(const float m[12], const float inverse[12]
     return p;
 }
 
+/* Standing by itself, either in the world or with a tree of its own. */
 HYI_FN bool hyi_stands_alone(const hyi_mesh_slot *mesh) { return mesh->alive && !mesh->instanced_only; }
 
-HYI_FN hydra_result hyi_place(hydra_scene *scene) {
+HYI_FN void hyi_place_meshes(hydra_scene *scene, bool dynamic, size_t *at) {
     static const float identity[12] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 };
+    for (size_t i = 0; i < scene->mesh_count; i++) {
+        if (!hyi_stands_alone(&scene->meshes[i]) || scene->meshes[i].dynamic != dynamic) continue;
+        scene->placed_ids[*at] = 0;
+        scene->placed[(*at)++] = hyi_placed_record(identity, identity, (uint32_t)i, HYK_NONE, HYK_INSTANCE_IDENTITY);
+    }
+}
+
+/* The world's meshes first, in the order of world_first. */
+HYI_FN hydra_result hyi_place(hydra_scene *scene) {
     size_t count = 0, at = 0;
     for (size_t i = 0; i < scene->mesh_count; i++) count += hyi_stands_alone(&scene->meshes[i]) ? 1u : 0u;
     for (size_t i = 0; i < scene->instance_count; i++) count += scene->instances[i].alive ? 1u : 0u;
@@ -9102,11 +9246,8 @@ HYI_FN hydra_result hyi_place(hydra_scene *scene) {
         return result;
     }
     scene->placed_count = count;
-    for (size_t i = 0; i < scene->mesh_count; i++) {
-        if (!hyi_stands_alone(&scene->meshes[i])) continue;
-        scene->placed_ids[at] = 0;
-        scene->placed[at++] = hyi_placed_record(identity, identity, (uint32_t)i, HYK_NONE, HYK_INSTANCE_IDENTITY);
-    }
+    hyi_place_meshes(scene, false, &at);
+    hyi_place_meshes(scene, true, &at);
     for (size_t i = 0; i < scene->instance_count; i++) {
         const hyi_instance_slot *slot = &scene->instances[i];
         if (!slot->alive) continue;
@@ -9139,16 +9280,25 @@ HYI_FN bool hyi_placed_box(const hyk_instance *placed, const hyi_box *local, hyi
     return true;
 }
 
+/* Over the world, if there is one, and every other placed mesh. */
 HYI_FN hydra_result hyi_build_top(hydra_scene *scene) {
     hyi_box *boxes;
-    HYI_TRY(hyi_alloc_array(scene->context, &boxes, scene->placed_count));
+    size_t first = scene->world_count, lead = first ? 1 : 0, count = scene->placed_count - first + lead;
+    HYI_TRY(hyi_alloc_array(scene->context, &boxes, count));
     hydra_result result = HYDRA_OK;
-    for (size_t i = 0; i < scene->placed_count && result == HYDRA_OK; i++)
-        if (!hyi_placed_box(&scene->placed[i], &scene->meshes[scene->placed[i].mesh].bvh.bounds, &boxes[i]))
+    if (lead) boxes[0] = scene->world.bounds;
+    for (size_t i = first; i < scene->placed_count && result == HYDRA_OK; i++)
+        if (!hyi_placed_box(&scene->placed[i], &scene->meshes[scene->placed[i].mesh].bvh.bounds, &boxes[i - first + lead]))
             result = hyi_fail(scene->context, HYDRA_ERROR_TRANSFORM, "instance %u reaches beyond the range of float", scene->placed_ids[i]);
-    if (result == HYDRA_OK) result = hyi_bvh_build_boxes(scene->context, boxes, (uint32_t)scene->placed_count, &scene->top);
-    hyi_free_array(scene->context, &boxes, scene->placed_count);
+    if (result == HYDRA_OK) result = hyi_bvh_build_boxes(scene->context, boxes, (uint32_t)count, &scene->top);
+    hyi_free_array(scene->context, &boxes, count);
     return result;
+}
+
+/* Whether rays need no level above: the world alone, or one unmoved mesh. */
+HYI_FN bool hyi_is_single(const hydra_scene *scene) {
+    if (scene->placed_count == scene->world_count) return true;
+    return scene->placed_count == 1 && (scene->placed[0].flags & HYK_INSTANCE_IDENTITY);
 }
 
 HYI_FN hyk_mesh hyi_mesh_record(const hyi_mesh_slot *mesh) {
@@ -9178,7 +9328,7 @@ HYI_FN hydra_result hyi_commit_placement(hydra_scene *scene) {
     hyi_free_placement(scene);
     HYI_TRY(hyi_alloc_mesh_views(scene));
     HYI_TRY(hyi_place(scene));
-    if (scene->placed_count > 1 || (scene->placed_count == 1 && !(scene->placed[0].flags & HYK_INSTANCE_IDENTITY))) HYI_TRY(hyi_build_top(scene));
+    if (!hyi_is_single(scene)) HYI_TRY(hyi_build_top(scene));
     scene->info.build_seconds += hyi_seconds() - start;
     return HYDRA_OK;
 }
@@ -9215,7 +9365,7 @@ HYI_FN uint32_t hyi_placed_needs(hydra_scene *scene, const hyk_instance *placed)
 }
 
 HYI_FN uint32_t hyi_scene_needs(hydra_scene *scene) {
-    uint32_t needs = scene->placed_count > 1 ? HYK_NEEDS_INSTANCES : 0u;
+    uint32_t needs = hyi_is_single(scene) ? 0u : HYK_NEEDS_INSTANCES;
     for (size_t i = 0; i < scene->mesh_count; i++) scene->view_alpha[i] = 0;
     for (size_t i = 0; i < scene->placed_count; i++) needs |= hyi_placed_needs(scene, &scene->placed[i]);
     if (scene->view.constants.finite_lights) needs |= HYK_NEEDS_EMITTERS;
@@ -9244,7 +9394,8 @@ HYI_FN void hyi_grow_bounds(hyi_box *bounds, const hyi_box *box) {
 
 HYI_FN void hyi_commit_bounds(hydra_scene *scene) {
     hyi_box bounds = { { FLT_MAX, FLT_MAX, FLT_MAX }, { -FLT_MAX, -FLT_MAX, -FLT_MAX } };
-    for (size_t i = 0; i < scene->placed_count; i++) {
+    if (scene->world.primitive_count) hyi_grow_bounds(&bounds, &scene->world.bounds);
+    for (size_t i = scene->world_count; i < scene->placed_count; i++) {
         hyi_box box;
         const hyi_bvh *bvh = &scene->meshes[scene->placed[i].mesh].bvh;
         if (bvh->primitive_count && hyi_placed_box(&scene->placed[i], &bvh->bounds, &box)) hyi_grow_bounds(&bounds, &box);
@@ -9289,8 +9440,12 @@ HYI_FN void hyi_commit_view(hydra_scene *scene) {
     accel->view = view;
     accel->meshes = scene->view_bvhs;
     accel->mesh_has_alpha = (view->constants.features & HYK_NEEDS_ALPHA) ? scene->view_alpha : NULL;
+    accel->world = scene->world_count ? &scene->world : NULL;
+    accel->world_first = scene->world_first;
+    accel->world_count = (uint32_t)scene->world_count;
+    for (size_t i = 0; accel->mesh_has_alpha && i < scene->world_count; i++) accel->world_has_alpha |= accel->mesh_has_alpha[scene->placed[i].mesh] != 0;
     accel->instances = &scene->top;
-    accel->single = scene->placed_count == 1 && (scene->placed[0].flags & HYK_INSTANCE_IDENTITY);
+    accel->single = hyi_is_single(scene);
     accel->empty = scene->placed_count == 0;
     accel->shapes = scene->shape_count ? &scene->shapes : NULL;
     accel->shape_lights = scene->shape_lights;
@@ -9299,13 +9454,14 @@ HYI_FN void hyi_commit_view(hydra_scene *scene) {
 
 HYI_FN void hyi_commit_info(hydra_scene *scene) {
     hydra_scene_info *info = &scene->info;
-    info->triangles = info->placed_triangles = info->degenerate = 0;
-    info->bytes_bvh = scene->top.bytes + scene->shapes.bytes;
+    info->triangles = info->placed_triangles = 0;
+    info->degenerate = scene->world.degenerate;
+    info->bytes_bvh = scene->top.bytes + scene->shapes.bytes + scene->world.bytes + scene->world_count * sizeof *scene->world_first;
     info->bytes_geometry = scene->placed_count * (sizeof *scene->placed + sizeof *scene->placed_ids);
     for (size_t i = 0; i < scene->mesh_count; i++) {
         const hyi_mesh_slot *mesh = &scene->meshes[i];
         info->triangles += mesh->triangle_count;
-        info->degenerate += mesh->bvh.degenerate;
+        if (mesh->built && !mesh->in_world) info->degenerate += mesh->bvh.degenerate;
         info->bytes_bvh += mesh->bvh.bytes;
         size_t floats = 3u + (mesh->normals ? 3u : 0u) + (mesh->uvs ? 2u : 0u);
         size_t words = 3u + (mesh->triangle_materials ? 1u : 0u) + (mesh->light_slots ? 1u : 0u);
@@ -9326,7 +9482,7 @@ HYI_FN void hyi_commit_info(hydra_scene *scene) {
 HYI_FN hydra_result hyi_commit_parts(hydra_scene *scene) {
     scene->info.meshes_built = 0;
     scene->info.build_seconds = 0.0;
-    if (scene->dirty & HYI_DIRTY_MESHES) HYI_TRY(hyi_commit_meshes(scene));
+    if (scene->dirty & (HYI_DIRTY_PLACEMENT | HYI_DIRTY_MESHES)) HYI_TRY(hyi_commit_meshes(scene)); /* a first instance asks for a tree */
     if (scene->dirty & (HYI_DIRTY_PLACEMENT | HYI_DIRTY_MESHES)) HYI_TRY(hyi_commit_placement(scene));
     if (scene->dirty & HYI_DIRTY_MATERIALS) HYI_TRY(hyi_commit_materials(scene));
     if (scene->dirty & ~HYI_DIRTY_ENVIRONMENT) {

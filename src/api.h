@@ -308,6 +308,8 @@ typedef struct hydra_mesh_desc {
     hydra_view triangle_materials; /* hydra_material, one a triangle; none: material for all */
     hydra_material material;       /* none: Lambert 0.8 grey */
     bool instanced_only;    /* not in the scene by itself, only through instances */
+    bool dynamic;           /* will be edited: has a BVH of its own, so that an edit builds only that one again. The other
+                               meshes that stand by themselves share one, which rays pass faster */
 } hydra_mesh_desc;
 
 /* Degenerate triangles (no area, or two equal indices) are dropped from ray tracing and counted in
@@ -396,7 +398,7 @@ typedef enum hydra_feature {
     HYDRA_NEEDS_SUNS = 1 << 8,
     HYDRA_NEEDS_ENVIRONMENT = 1 << 9,
     HYDRA_NEEDS_ENVIRONMENT_MAP = 1 << 10,
-    HYDRA_NEEDS_INSTANCES = 1 << 11,   /* a top level over more than one placed mesh, or a transform */
+    HYDRA_NEEDS_INSTANCES = 1 << 11,   /* a level above: there are instances or dynamic meshes */
     HYDRA_NEEDS_SMOOTH_NORMALS = 1 << 12
 } hydra_feature;
 
@@ -409,7 +411,7 @@ typedef struct hydra_scene_info {
     uint64_t degenerate;       /* dropped */
     uint64_t emitters;         /* lights and emitting triangles */
     double build_seconds;      /* of the last commit's BVH builds */
-    uint32_t meshes_built;     /* BVHs the last commit built; the others were kept */
+    uint32_t meshes_built;     /* BVHs the last commit built over triangles, the shared one counted once; the others were kept */
     size_t bytes_bvh, bytes_geometry, bytes_textures, bytes_materials, bytes_lights, bytes_environment, bytes_tables;
     float bounds_min[3], bounds_max[3]; /* of everything that rays can hit; both zero when empty */
 } hydra_scene_info;
@@ -584,9 +586,11 @@ HYDRA_API size_t hydra_output_size(hydra_output output);
 
 /* Films. save writes the whole state of a render, of *size bytes; with buffer NULL it only tells the size.
    The bytes are the same on every machine. merge adds a saved film to a render made with the same
-   scene, sensor, size, seed and outputs. Sample ranges must be disjoint, or the tiles must be: what was
-   rendered apart is then the same, to the bit, as one render of everything. Merging a film into a
-   fresh render with the same desc resumes it. On error the render is unchanged. */
+   scene, sensor, size, seed, tile size and outputs. Either the sample ranges must be disjoint (and the added film
+   finished, without a target error), or the tiles: regions then start at multiples of the tile size. What was rendered
+   apart is the same, to the bit, as one render of everything; only with a target error do regions differ, since each
+   judges by the brightness of its own. Merging a film into a fresh render with the same desc resumes it exactly. On
+   error the render is unchanged. */
 HYDRA_API hydra_result hydra_render_save(const hydra_render *render, void *buffer, size_t *size);
 HYDRA_API hydra_result hydra_render_merge(hydra_render *render, const void *film, size_t size);
 

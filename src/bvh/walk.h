@@ -13,8 +13,12 @@ typedef struct hyi_accel {
     const hyk_scene_view *view;
     const hyi_bvh *meshes;         /* by mesh index */
     const uint8_t *mesh_has_alpha; /* by mesh index; NULL: none has */
-    const hyi_bvh *instances;      /* over view->instances; unused when single */
-    bool single;                   /* exactly one instance, identity */
+    const hyi_bvh *world;          /* one tree over the first world_count instances, which are unmoved; NULL: none */
+    const uint32_t *world_first;   /* of each of them, its first triangle's number in that tree */
+    uint32_t world_count;
+    bool world_has_alpha;
+    const hyi_bvh *instances;      /* over the world, if any, and then the other instances; unused when single */
+    bool single;                   /* the world alone, or exactly one instance, identity */
     bool empty;
     const hyi_bvh *shapes;         /* over the RECT, DISC and SPHERE lights; NULL: none */
     const uint32_t *shape_lights;  /* light of each box in shapes */
@@ -112,6 +116,26 @@ HYI_INLINE void hyi_walk_stop(hyi_walk *walk) {
     walk->at = HYI_WALK_ENDED;
 }
 
+/* The triangles of the world are numbered through: which instance a number belongs to, and its number there. While a ray
+   is under way a hit on the world has instance 0; numbers of the world keep the order of (instance, primitive). */
+HYI_INLINE void hyi_locate_in_world(const hyi_accel *accel, uint32_t *instance, uint32_t *primitive) {
+    if (!accel->world || *instance != 0) return;
+    uint32_t low = 0, high = accel->world_count;
+    while (high - low > 1) {
+        uint32_t middle = low + (high - low) / 2;
+        if (accel->world_first[middle] <= *primitive) low = middle;
+        else high = middle;
+    }
+    *instance = low;
+    *primitive -= accel->world_first[low];
+}
+
+HYI_INLINE bool hyi_walk_lets_pass(const hyi_walk *walk, uint32_t primitive, const float weights[2]) {
+    uint32_t instance = walk->instance;
+    hyi_locate_in_world(walk->accel, &instance, &primitive);
+    return !hyk_hit_is_opaque(walk->accel->view, instance, primitive, weights[0], weights[1], *walk->ray);
+}
+
 /* Decides on one triangle of the leaf that at names. Returns whether it is the new best. */
 HYI_INLINE bool hyi_walk_offer(hyi_walk *walk, uint32_t lane, uint32_t flags) {
     float weights[2] = {0.0f, 0.0f};
@@ -119,8 +143,7 @@ HYI_INLINE bool hyi_walk_offer(hyi_walk *walk, uint32_t lane, uint32_t flags) {
     if (!(t >= walk->ray->t_min && t <= walk->best.t)) return false;
     uint32_t primitive = walk->bvh->ids[hyi_leaf_first(walk->at) + lane];
     if (!hyi_beats(&walk->best, t, walk->instance, primitive)) return false;
-    if ((flags & HYI_WALK_ALPHA) && walk->asks_alpha &&
-        !hyk_hit_is_opaque(walk->accel->view, walk->instance, primitive, weights[0], weights[1], *walk->ray)) return false;
+    if ((flags & HYI_WALK_ALPHA) && walk->asks_alpha && hyi_walk_lets_pass(walk, primitive, weights)) return false;
     walk->best.t = t;
     walk->best.u = weights[0];
     walk->best.v = weights[1];
@@ -152,12 +175,15 @@ HYI_INLINE float hyi_transform_row(hyk_vec3 row, float offset, const float *p) {
     return row.x * p[0] + row.y * p[1] + row.z * p[2] + offset;
 }
 
-/* Turns to the mesh of an instance; the way back up is marked on the stack. The direction is not
+/* Turns to the mesh of an instance, or to the world; the way back up is marked on the stack. The direction is not
    renormalised: t means the same below. One copy for all instruction sets: it rounds. */
 HYI_NOINLINE void hyi_walk_enter(hyi_walk *walk) {
-    uint32_t index = walk->bvh->ids[hyi_leaf_first(walk->at)];
-    const hyk_instance *placed = &walk->accel->view->instances[index];
-    const hyi_bvh *mesh = &walk->accel->meshes[placed->mesh];
+    const hyi_accel *accel = walk->accel;
+    uint32_t item = walk->bvh->ids[hyi_leaf_first(walk->at)];
+    bool world = accel->world && item == 0;
+    uint32_t index = accel->world && item > 0 ? accel->world_count + item - 1 : item;
+    const hyk_instance *placed = &accel->view->instances[index];
+    const hyi_bvh *mesh = world ? accel->world : &accel->meshes[placed->mesh];
     const hyk_ray *ray = walk->ray;
     float origin[3] = {ray->origin.x, ray->origin.y, ray->origin.z};
     float direction[3] = {ray->direction.x, ray->direction.y, ray->direction.z};
@@ -180,7 +206,7 @@ HYI_NOINLINE void hyi_walk_enter(hyi_walk *walk) {
     walk->bvh = mesh;
     walk->upper = false;
     walk->instance = index;
-    walk->asks_alpha = walk->accel->mesh_has_alpha && walk->accel->mesh_has_alpha[placed->mesh];
+    walk->asks_alpha = world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[placed->mesh];
     walk->at = mesh->root;
     walk->stack[walk->waiting].child = HYI_WALK_UP;
     walk->stack[walk->waiting++].t = 0.0f;
@@ -209,12 +235,12 @@ HYI_NOINLINE void hyi_walk_begin_tree(hyi_walk *walk, const hyi_accel *accel, co
     if (hyi_aim_at(&walk->aim, bvh, origin, direction, ray->t_min, limit, walk->upper)) walk->at = bvh->root;
 }
 
-/* Sets a ray on its way through the scene. One unmoved mesh has no upper tree. */
+/* Sets a ray on its way through the scene. The world alone, or one unmoved mesh, has no upper tree. */
 HYI_INLINE void hyi_walk_begin(hyi_walk *walk, const hyi_accel *accel, const hyk_ray *ray) {
     uint32_t mesh = accel->single ? accel->view->instances[0].mesh : 0u;
-    const hyi_bvh *bvh = accel->single ? &accel->meshes[mesh] : accel->instances;
+    const hyi_bvh *bvh = !accel->single ? accel->instances : accel->world ? accel->world : &accel->meshes[mesh];
     hyi_walk_begin_tree(walk, accel, bvh, ray, hyi_finite_limit(ray->t_max));
-    walk->asks_alpha = accel->single && accel->mesh_has_alpha && accel->mesh_has_alpha[mesh];
+    if (accel->single) walk->asks_alpha = accel->world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh];
 }
 
 HYI_INLINE void hyi_walk_answer(const hyi_walk *walk, hyk_hit *hit) {
@@ -224,6 +250,7 @@ HYI_INLINE void hyi_walk_answer(const hyi_walk *walk, hyk_hit *hit) {
     hit->v = walk->best.v;
     hit->instance = walk->best.instance;
     hit->primitive = walk->best.primitive;
+    hyi_locate_in_world(walk->accel, &hit->instance, &hit->primitive);
 }
 
 #endif /* HYI_BVH_WALK_H */

@@ -10,17 +10,102 @@
 
 /* ---- meshes: each BVH that is not there yet */
 
-HYI_FN hydra_result hyi_commit_meshes(hydra_scene *scene) {
-    double start = hyi_seconds();
-    scene->info.meshes_built = 0;
-    for (size_t i = 0; i < scene->mesh_count; i++) {
+HYI_FN bool hyi_in_world(const hyi_mesh_slot *mesh) { return mesh->alive && !mesh->instanced_only && !mesh->dynamic; }
+
+/* Marks the meshes that need a tree of their own. */
+HYI_FN hydra_result hyi_mark_own_trees(hydra_scene *scene, uint8_t **marks) {
+    HYI_TRY(hyi_alloc_array(scene->context, marks, scene->mesh_count));
+    for (size_t i = 0; i < scene->mesh_count; i++)
+        (*marks)[i] = scene->meshes[i].alive && !scene->meshes[i].instanced_only && scene->meshes[i].dynamic ? 1 : 0;
+    for (size_t i = 0; i < scene->instance_count; i++)
+        if (scene->instances[i].alive) (*marks)[scene->instances[i].mesh] = 1;
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_build_own_trees(hydra_scene *scene) {
+    uint8_t *marks;
+    HYI_TRY(hyi_mark_own_trees(scene, &marks));
+    hydra_result result = HYDRA_OK;
+    for (size_t i = 0; i < scene->mesh_count && result == HYDRA_OK; i++) {
         hyi_mesh_slot *mesh = &scene->meshes[i];
-        if (!mesh->alive || mesh->built) continue;
-        HYI_TRY(hyi_bvh_build_triangles(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, &mesh->bvh));
-        mesh->built = true;
+        if (!marks[i] || mesh->built) continue;
+        result = hyi_bvh_build_triangles(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, &mesh->bvh);
+        mesh->built = result == HYDRA_OK;
         scene->info.meshes_built++;
     }
-    scene->info.build_seconds = hyi_seconds() - start;
+    hyi_free_array(scene->context, &marks, scene->mesh_count);
+    return result;
+}
+
+/* All meshes of the world behind each other, for the time of the build. */
+typedef struct hyi_world_arrays {
+    float *positions;
+    uint32_t *indices;
+    size_t vertices, triangles;
+} hyi_world_arrays;
+
+HYI_FN void hyi_fill_world(const hydra_scene *scene, hyi_world_arrays *w) {
+    size_t vertex = 0, triangle = 0;
+    for (size_t i = 0; i < scene->mesh_count; i++) {
+        const hyi_mesh_slot *mesh = &scene->meshes[i];
+        if (!hyi_in_world(mesh)) continue;
+        memcpy(w->positions + 3 * vertex, mesh->positions, (size_t)3 * mesh->vertex_count * sizeof *w->positions);
+        for (size_t c = 0; c < (size_t)3 * mesh->triangle_count; c++) w->indices[3 * triangle + c] = mesh->indices[c] + (uint32_t)vertex;
+        vertex += mesh->vertex_count;
+        triangle += mesh->triangle_count;
+    }
+}
+
+HYI_FN hydra_result hyi_build_joined_world(hydra_scene *scene, hyi_world_arrays *w) {
+    hydra_context *context = scene->context;
+    if (w->vertices > UINT32_MAX || w->triangles > UINT32_MAX)
+        return hyi_fail(context, HYDRA_ERROR_COUNT, "%zu vertices and %zu triangles in meshes that are not dynamic", w->vertices, w->triangles);
+    HYI_TRY(hyi_alloc_array(context, &w->positions, 3 * w->vertices));
+    hydra_result result = hyi_alloc_array(context, &w->indices, 3 * w->triangles);
+    if (result == HYDRA_OK) {
+        hyi_fill_world(scene, w);
+        result = hyi_bvh_build_triangles(context, w->positions, w->indices, (uint32_t)w->triangles, &scene->world);
+    }
+    hyi_free_array(context, &w->positions, 3 * w->vertices);
+    hyi_free_array(context, &w->indices, 3 * w->triangles);
+    return result;
+}
+
+HYI_FN bool hyi_world_is_fresh(const hydra_scene *scene) {
+    bool fresh = !scene->world_stale;
+    for (size_t i = 0; i < scene->mesh_count; i++) fresh = fresh && scene->meshes[i].in_world == hyi_in_world(&scene->meshes[i]);
+    return fresh;
+}
+
+/* The tree over all meshes that stand unmoved: built from a mesh's own arrays where there is only one. */
+HYI_FN hydra_result hyi_build_world(hydra_scene *scene) {
+    hyi_world_arrays w = { NULL, NULL, 0, 0 };
+    const hyi_mesh_slot *only = NULL;
+    size_t count = 0, at = 0;
+    for (size_t i = 0; i < scene->mesh_count; i++) count += hyi_in_world(&scene->meshes[i]) ? 1u : 0u;
+    hyi_free_world(scene);
+    HYI_TRY(hyi_alloc_array(scene->context, &scene->world_first, count));
+    scene->world_count = count;
+    for (size_t i = 0; i < scene->mesh_count; i++) {
+        if (!hyi_in_world(&scene->meshes[i])) continue;
+        only = &scene->meshes[i];
+        scene->world_first[at++] = (uint32_t)w.triangles;
+        w.vertices += only->vertex_count;
+        w.triangles += only->triangle_count;
+    }
+    if (count == 1) HYI_TRY(hyi_bvh_build_triangles(scene->context, only->positions, only->indices, only->triangle_count, &scene->world));
+    if (count > 1) HYI_TRY(hyi_build_joined_world(scene, &w));
+    for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = hyi_in_world(&scene->meshes[i]);
+    scene->world_stale = false;
+    scene->info.meshes_built += count ? 1u : 0u;
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_commit_meshes(hydra_scene *scene) {
+    double start = hyi_seconds();
+    HYI_TRY(hyi_build_own_trees(scene));
+    if (!hyi_world_is_fresh(scene)) HYI_TRY(hyi_build_world(scene));
+    scene->info.build_seconds += hyi_seconds() - start;
     return HYDRA_OK;
 }
 
@@ -73,10 +158,20 @@ HYI_FN hyk_instance hyi_placed_record(const float m[12], const float inverse[12]
     return p;
 }
 
+/* Standing by itself, either in the world or with a tree of its own. */
 HYI_FN bool hyi_stands_alone(const hyi_mesh_slot *mesh) { return mesh->alive && !mesh->instanced_only; }
 
-HYI_FN hydra_result hyi_place(hydra_scene *scene) {
+HYI_FN void hyi_place_meshes(hydra_scene *scene, bool dynamic, size_t *at) {
     static const float identity[12] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 };
+    for (size_t i = 0; i < scene->mesh_count; i++) {
+        if (!hyi_stands_alone(&scene->meshes[i]) || scene->meshes[i].dynamic != dynamic) continue;
+        scene->placed_ids[*at] = 0;
+        scene->placed[(*at)++] = hyi_placed_record(identity, identity, (uint32_t)i, HYK_NONE, HYK_INSTANCE_IDENTITY);
+    }
+}
+
+/* The world's meshes first, in the order of world_first. */
+HYI_FN hydra_result hyi_place(hydra_scene *scene) {
     size_t count = 0, at = 0;
     for (size_t i = 0; i < scene->mesh_count; i++) count += hyi_stands_alone(&scene->meshes[i]) ? 1u : 0u;
     for (size_t i = 0; i < scene->instance_count; i++) count += scene->instances[i].alive ? 1u : 0u;
@@ -87,11 +182,8 @@ HYI_FN hydra_result hyi_place(hydra_scene *scene) {
         return result;
     }
     scene->placed_count = count;
-    for (size_t i = 0; i < scene->mesh_count; i++) {
-        if (!hyi_stands_alone(&scene->meshes[i])) continue;
-        scene->placed_ids[at] = 0;
-        scene->placed[at++] = hyi_placed_record(identity, identity, (uint32_t)i, HYK_NONE, HYK_INSTANCE_IDENTITY);
-    }
+    hyi_place_meshes(scene, false, &at);
+    hyi_place_meshes(scene, true, &at);
     for (size_t i = 0; i < scene->instance_count; i++) {
         const hyi_instance_slot *slot = &scene->instances[i];
         if (!slot->alive) continue;
@@ -124,16 +216,25 @@ HYI_FN bool hyi_placed_box(const hyk_instance *placed, const hyi_box *local, hyi
     return true;
 }
 
+/* Over the world, if there is one, and every other placed mesh. */
 HYI_FN hydra_result hyi_build_top(hydra_scene *scene) {
     hyi_box *boxes;
-    HYI_TRY(hyi_alloc_array(scene->context, &boxes, scene->placed_count));
+    size_t first = scene->world_count, lead = first ? 1 : 0, count = scene->placed_count - first + lead;
+    HYI_TRY(hyi_alloc_array(scene->context, &boxes, count));
     hydra_result result = HYDRA_OK;
-    for (size_t i = 0; i < scene->placed_count && result == HYDRA_OK; i++)
-        if (!hyi_placed_box(&scene->placed[i], &scene->meshes[scene->placed[i].mesh].bvh.bounds, &boxes[i]))
+    if (lead) boxes[0] = scene->world.bounds;
+    for (size_t i = first; i < scene->placed_count && result == HYDRA_OK; i++)
+        if (!hyi_placed_box(&scene->placed[i], &scene->meshes[scene->placed[i].mesh].bvh.bounds, &boxes[i - first + lead]))
             result = hyi_fail(scene->context, HYDRA_ERROR_TRANSFORM, "instance %u reaches beyond the range of float", scene->placed_ids[i]);
-    if (result == HYDRA_OK) result = hyi_bvh_build_boxes(scene->context, boxes, (uint32_t)scene->placed_count, &scene->top);
-    hyi_free_array(scene->context, &boxes, scene->placed_count);
+    if (result == HYDRA_OK) result = hyi_bvh_build_boxes(scene->context, boxes, (uint32_t)count, &scene->top);
+    hyi_free_array(scene->context, &boxes, count);
     return result;
+}
+
+/* Whether rays need no level above: the world alone, or one unmoved mesh. */
+HYI_FN bool hyi_is_single(const hydra_scene *scene) {
+    if (scene->placed_count == scene->world_count) return true;
+    return scene->placed_count == 1 && (scene->placed[0].flags & HYK_INSTANCE_IDENTITY);
 }
 
 HYI_FN hyk_mesh hyi_mesh_record(const hyi_mesh_slot *mesh) {
@@ -163,7 +264,7 @@ HYI_FN hydra_result hyi_commit_placement(hydra_scene *scene) {
     hyi_free_placement(scene);
     HYI_TRY(hyi_alloc_mesh_views(scene));
     HYI_TRY(hyi_place(scene));
-    if (scene->placed_count > 1 || (scene->placed_count == 1 && !(scene->placed[0].flags & HYK_INSTANCE_IDENTITY))) HYI_TRY(hyi_build_top(scene));
+    if (!hyi_is_single(scene)) HYI_TRY(hyi_build_top(scene));
     scene->info.build_seconds += hyi_seconds() - start;
     return HYDRA_OK;
 }
@@ -200,7 +301,7 @@ HYI_FN uint32_t hyi_placed_needs(hydra_scene *scene, const hyk_instance *placed)
 }
 
 HYI_FN uint32_t hyi_scene_needs(hydra_scene *scene) {
-    uint32_t needs = scene->placed_count > 1 ? HYK_NEEDS_INSTANCES : 0u;
+    uint32_t needs = hyi_is_single(scene) ? 0u : HYK_NEEDS_INSTANCES;
     for (size_t i = 0; i < scene->mesh_count; i++) scene->view_alpha[i] = 0;
     for (size_t i = 0; i < scene->placed_count; i++) needs |= hyi_placed_needs(scene, &scene->placed[i]);
     if (scene->view.constants.finite_lights) needs |= HYK_NEEDS_EMITTERS;
@@ -229,7 +330,8 @@ HYI_FN void hyi_grow_bounds(hyi_box *bounds, const hyi_box *box) {
 
 HYI_FN void hyi_commit_bounds(hydra_scene *scene) {
     hyi_box bounds = { { FLT_MAX, FLT_MAX, FLT_MAX }, { -FLT_MAX, -FLT_MAX, -FLT_MAX } };
-    for (size_t i = 0; i < scene->placed_count; i++) {
+    if (scene->world.primitive_count) hyi_grow_bounds(&bounds, &scene->world.bounds);
+    for (size_t i = scene->world_count; i < scene->placed_count; i++) {
         hyi_box box;
         const hyi_bvh *bvh = &scene->meshes[scene->placed[i].mesh].bvh;
         if (bvh->primitive_count && hyi_placed_box(&scene->placed[i], &bvh->bounds, &box)) hyi_grow_bounds(&bounds, &box);
@@ -274,8 +376,12 @@ HYI_FN void hyi_commit_view(hydra_scene *scene) {
     accel->view = view;
     accel->meshes = scene->view_bvhs;
     accel->mesh_has_alpha = (view->constants.features & HYK_NEEDS_ALPHA) ? scene->view_alpha : NULL;
+    accel->world = scene->world_count ? &scene->world : NULL;
+    accel->world_first = scene->world_first;
+    accel->world_count = (uint32_t)scene->world_count;
+    for (size_t i = 0; accel->mesh_has_alpha && i < scene->world_count; i++) accel->world_has_alpha |= accel->mesh_has_alpha[scene->placed[i].mesh] != 0;
     accel->instances = &scene->top;
-    accel->single = scene->placed_count == 1 && (scene->placed[0].flags & HYK_INSTANCE_IDENTITY);
+    accel->single = hyi_is_single(scene);
     accel->empty = scene->placed_count == 0;
     accel->shapes = scene->shape_count ? &scene->shapes : NULL;
     accel->shape_lights = scene->shape_lights;
@@ -284,13 +390,14 @@ HYI_FN void hyi_commit_view(hydra_scene *scene) {
 
 HYI_FN void hyi_commit_info(hydra_scene *scene) {
     hydra_scene_info *info = &scene->info;
-    info->triangles = info->placed_triangles = info->degenerate = 0;
-    info->bytes_bvh = scene->top.bytes + scene->shapes.bytes;
+    info->triangles = info->placed_triangles = 0;
+    info->degenerate = scene->world.degenerate;
+    info->bytes_bvh = scene->top.bytes + scene->shapes.bytes + scene->world.bytes + scene->world_count * sizeof *scene->world_first;
     info->bytes_geometry = scene->placed_count * (sizeof *scene->placed + sizeof *scene->placed_ids);
     for (size_t i = 0; i < scene->mesh_count; i++) {
         const hyi_mesh_slot *mesh = &scene->meshes[i];
         info->triangles += mesh->triangle_count;
-        info->degenerate += mesh->bvh.degenerate;
+        if (mesh->built && !mesh->in_world) info->degenerate += mesh->bvh.degenerate;
         info->bytes_bvh += mesh->bvh.bytes;
         size_t floats = 3u + (mesh->normals ? 3u : 0u) + (mesh->uvs ? 2u : 0u);
         size_t words = 3u + (mesh->triangle_materials ? 1u : 0u) + (mesh->light_slots ? 1u : 0u);
@@ -311,7 +418,7 @@ HYI_FN void hyi_commit_info(hydra_scene *scene) {
 HYI_FN hydra_result hyi_commit_parts(hydra_scene *scene) {
     scene->info.meshes_built = 0;
     scene->info.build_seconds = 0.0;
-    if (scene->dirty & HYI_DIRTY_MESHES) HYI_TRY(hyi_commit_meshes(scene));
+    if (scene->dirty & (HYI_DIRTY_PLACEMENT | HYI_DIRTY_MESHES)) HYI_TRY(hyi_commit_meshes(scene)); /* a first instance asks for a tree */
     if (scene->dirty & (HYI_DIRTY_PLACEMENT | HYI_DIRTY_MESHES)) HYI_TRY(hyi_commit_placement(scene));
     if (scene->dirty & HYI_DIRTY_MATERIALS) HYI_TRY(hyi_commit_materials(scene));
     if (scene->dirty & ~HYI_DIRTY_ENVIRONMENT) {

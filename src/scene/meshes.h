@@ -77,6 +77,7 @@ HYI_FN hydra_result hyi_take_mesh_parts(hydra_scene *scene, const hydra_mesh_des
     HYI_TRY(hyi_take_triangle_materials(scene, desc, mesh));
     mesh->material = desc->material.id;
     mesh->instanced_only = desc->instanced_only;
+    mesh->dynamic = desc->dynamic;
     mesh->alive = true;
     return HYDRA_OK;
 }
@@ -92,6 +93,11 @@ HYI_FN hydra_result hyi_check_mesh_handle(hydra_scene *scene, hydra_mesh mesh, c
     if (mesh.id == 0 || mesh.id > scene->mesh_count || !scene->meshes[mesh.id - 1].alive)
         return hyi_fail(scene->context, HYDRA_ERROR_HANDLE, "%s: mesh %u", what, mesh.id);
     return HYDRA_OK;
+}
+
+HYI_FN void hyi_mesh_leave(hydra_scene *scene, hyi_mesh_slot *mesh) {
+    if (mesh->in_world) scene->world_stale = true;
+    hyi_mesh_release(scene->context, mesh);
 }
 
 HYDRA_API hydra_mesh hydra_scene_add_mesh(hydra_scene *scene, const hydra_mesh_desc *desc) {
@@ -111,7 +117,7 @@ HYDRA_API hydra_result hydra_scene_update_mesh(hydra_scene *scene, hydra_mesh me
     HYI_TRY(hyi_reject(scene, hyi_check_mesh_handle(scene, mesh, "hydra_scene_update_mesh")));
     hyi_mesh_slot fresh;
     HYI_TRY(hyi_reject(scene, hyi_take_mesh(scene, desc, &fresh)));
-    hyi_mesh_release(scene->context, &scene->meshes[mesh.id - 1]);
+    hyi_mesh_leave(scene, &scene->meshes[mesh.id - 1]);
     scene->meshes[mesh.id - 1] = fresh;
     scene->dirty |= HYI_DIRTY_MESHES | HYI_DIRTY_PLACEMENT;
     return HYDRA_OK;
@@ -122,8 +128,8 @@ HYDRA_API hydra_result hydra_scene_remove_mesh(hydra_scene *scene, hydra_mesh me
     HYI_TRY(hyi_reject(scene, hyi_check_mesh_handle(scene, mesh, "hydra_scene_remove_mesh")));
     for (size_t i = 0; i < scene->instance_count; i++)
         if (scene->instances[i].mesh == mesh.id - 1) scene->instances[i].alive = false;
-    hyi_mesh_release(scene->context, &scene->meshes[mesh.id - 1]);
-    scene->dirty |= HYI_DIRTY_PLACEMENT;
+    hyi_mesh_leave(scene, &scene->meshes[mesh.id - 1]);
+    scene->dirty |= HYI_DIRTY_MESHES | HYI_DIRTY_PLACEMENT;
     return HYDRA_OK;
 }
 

@@ -15,7 +15,9 @@ typedef struct hyi_texture_slot {
 
 /* The arrays belong to the scene. */
 typedef struct hyi_mesh_slot {
-    bool alive, built, instanced_only;
+    bool alive, instanced_only, dynamic;
+    bool built;    /* bvh is there: instances and dynamic meshes have one of their own */
+    bool in_world; /* part of the scene's world tree as it stands */
     uint32_t material; /* id; 0: the grey that needs no desc */
     uint32_t vertex_count, triangle_count;
     float *positions, *normals, *uvs;
@@ -78,6 +80,10 @@ struct hydra_scene {
     hyk_instance *placed;
     uint32_t *placed_ids; /* hydra_instance id of each, 0: a mesh by itself */
     size_t placed_count;
+    hyi_bvh world;         /* over the first world_count of placed: unmoved and not dynamic */
+    uint32_t *world_first; /* of each, its first triangle in world */
+    size_t world_count;
+    bool world_stale;      /* a mesh left it */
     hyi_bvh top;
     hyk_light *all_lights;
     uint32_t *light_ids; /* hydra_light id of each, 0: a triangle */
@@ -159,6 +165,13 @@ HYI_FN void hyi_free_placement(hydra_scene *scene) {
     scene->view_mesh_count = scene->placed_count = 0;
 }
 
+HYI_FN void hyi_free_world(hydra_scene *scene) {
+    hyi_bvh_free(scene->context, &scene->world);
+    hyi_free_array(scene->context, &scene->world_first, scene->world_count);
+    scene->world_count = 0;
+    for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = false;
+}
+
 HYI_FN void hyi_free_lights(hydra_scene *scene) {
     hydra_context *context = scene->context;
     hyi_free_array(context, &scene->all_lights, scene->all_light_count);
@@ -187,6 +200,7 @@ HYDRA_API hydra_result hydra_scene_destroy(hydra_scene *scene) {
     if (scene->renders_living) return hyi_fail(context, HYDRA_ERROR_BUSY, "%u renders of the scene are alive", scene->renders_living);
     hyi_free_lights(scene);
     hyi_free_placement(scene);
+    hyi_free_world(scene);
     hyi_free_tables(scene);
     hyi_free_environment(scene);
     for (size_t i = 0; i < scene->texture_count; i++) hyi_free_array(context, &scene->textures[i].texels, scene->textures[i].words);
