@@ -400,7 +400,7 @@ typedef enum hydra_feature {
     HYDRA_NEEDS_SUNS = 1 << 8,
     HYDRA_NEEDS_ENVIRONMENT = 1 << 9,
     HYDRA_NEEDS_ENVIRONMENT_MAP = 1 << 10,
-    HYDRA_NEEDS_INSTANCES = 1 << 11,   /* a top level over more than one placed mesh, or a transform */
+    HYDRA_NEEDS_INSTANCES = 1 << 11,   /* a level above: there are instances or dynamic meshes */
     HYDRA_NEEDS_SMOOTH_NORMALS = 1 << 12
 } hydra_feature;
 
@@ -588,9 +588,11 @@ HYDRA_API size_t hydra_output_size(hydra_output output);
 
 /* Films. save writes the whole state of a render, of *size bytes; with buffer NULL it only tells the size.
    The bytes are the same on every machine. merge adds a saved film to a render made with the same
-   scene, sensor, size, seed and outputs. Sample ranges must be disjoint, or the tiles must be: what was
-   rendered apart is then the same, to the bit, as one render of everything. Merging a film into a
-   fresh render with the same desc resumes it. On error the render is unchanged. */
+   scene, sensor, size, seed, tile size and outputs. Either the sample ranges must be disjoint (and the added film
+   finished, without a target error), or the tiles: regions then start at multiples of the tile size. What was rendered
+   apart is the same, to the bit, as one render of everything; only with a target error do regions differ, since each
+   judges by the brightness of its own. Merging a film into a fresh render with the same desc resumes it exactly. On
+   error the render is unchanged. */
 HYDRA_API hydra_result hydra_render_save(const hydra_render *render, void *buffer, size_t *size);
 HYDRA_API hydra_result hydra_render_merge(hydra_render *render, const void *film, size_t size);
 
