@@ -109,7 +109,7 @@ static coverage cover(const known_scene *s, uint32_t samples, float target, uint
    say nothing. 300 seeds of 64 pixels, at three sample counts. */
 static void test_coverage_fixed(void **state) {
     (void)state;
-    static const uint32_t samples[] = {16, 64, 256};
+    static const uint32_t samples[] = {32, 64, 256};
     for (int which = 0; which < 3; which++) {
         known_scene s;
         open_known(&s, which);

@@ -85,6 +85,10 @@ HYK_STRUCT(hyk_path_settings) {
     hyk_uint strategy, wants;
 } HYK_END(hyk_path_settings)
 
+/* Rays that leave a surface meet it at t = 0 when it is an axis plane through 0, where no rounding moves them off it:
+   they begin at the smallest number that is not 0. */
+#define HYK_AFTER_START HYK_C(1.17549435e-38)
+
 /* Random pairs: two for the sensor, then four a vertex. */
 #define HYK_PAIR_FILM 0u
 #define HYK_PAIR_LENS 1u
@@ -204,7 +208,7 @@ HYK_FN hyk_scatter hyk_meet_emitter(hyk_view view, hyk_path_settings settings, h
 HYK_FN hyk_ray hyk_shadow_ray(hyk_vec3 origin, hyk_light_sample light) {
     hyk_ray r;
     r.origin = origin;
-    r.t_min = 0.0f;
+    r.t_min = HYK_AFTER_START;
     r.direction = light.direction;
     r.t_max = HYK_REAL_MAX;
     if (light.distance >= HYK_REAL_MAX) return r;
@@ -324,7 +328,7 @@ HYK_FN hyk_scatter hyk_sample_next(hyk_view view, hyk_path_settings settings, hy
     next.irradiance = hyk_scale(next.irradiance, 1.0f / survival);
     next.ray.origin = hyk_offset_point(s.position, side > 0.0f ? s.geometric : hyk_neg(s.geometric), s.error);
     next.ray.direction = direction;
-    next.ray.t_min = 0.0f;
+    next.ray.t_min = HYK_AFTER_START;
     next.ray.t_max = HYK_REAL_MAX;
     r.next = next;
     r.flags |= HYK_SCATTER_CONTINUES;

@@ -8,8 +8,10 @@
    Here each vector unit only throws out triangles whose edge functions differ in sign in float: rounding
    is monotone, so a product difference of the wrong sign cannot come out, only zero. What remains is
    decided by hyi_confirm in double, where products of two floats are exact: signs are then exact for the
-   sheared corners, and t, u, v keep their bits on needles. Every rounding in it is pinned, so no compiler
-   flag or instruction set changes a bit. */
+   sheared corners, and u, v keep their bits on needles. t comes from the plane of the unsheared corners: a
+   ray that starts exactly in the plane of a triangle gets t 0, and one that starts off it by a rounding of
+   float gets the right sign. Every rounding in it is pinned, so no compiler flag or instruction set changes
+   a bit. */
 #ifndef HYI_BVH_TRIANGLE_H
 #define HYI_BVH_TRIANGLE_H
 
@@ -32,7 +34,7 @@ typedef struct hyi_aim {
     uint32_t axis[3];                    /* x, y, z of the sheared frame; z is the direction's largest */
     float origin[3], shear[2];           /* in the order of axis */
     float inverse_z;                     /* t here by distance along z */
-    double t_by_z;                       /* t of the ray by distance along z */
+    float direction[3];                  /* in the order of axis */
     double unit, inverse_unit;
 } hyi_aim;
 
@@ -103,11 +105,11 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     aim->axis[1] = z == 0u ? 2u : z - 1u;
     aim->axis[2] = z;
     for (int a = 0; a < 3; a++) aim->origin[a] = o[aim->axis[a]];
-    aim->t_by_z = 1.0 / (double)d[z];
-    aim->shear[0] = (float)((double)d[aim->axis[0]] * aim->t_by_z);
-    aim->shear[1] = (float)((double)d[aim->axis[1]] * aim->t_by_z);
-    aim->inverse_z = (float)aim->t_by_z;
-    aim->t_by_z *= aim->unit;
+    for (int a = 0; a < 3; a++) aim->direction[a] = d[aim->axis[a]];
+    double t_by_z = 1.0 / (double)d[z];
+    aim->shear[0] = (float)((double)aim->direction[0] * t_by_z);
+    aim->shear[1] = (float)((double)aim->direction[1] * t_by_z);
+    aim->inverse_z = (float)t_by_z;
 }
 
 /* The farthest t worth visiting, rounded outwards. */
@@ -158,6 +160,29 @@ HYI_INLINE double hyi_sum_products(double a, double p, double b, double q, doubl
     return hyi_rounded_double(first + hyi_rounded_double(c * r));
 }
 
+/* a p - b q of numbers that are not floats. */
+HYI_INLINE double hyi_difference_of_products(double a, double p, double b, double q) {
+    return hyi_rounded_double(hyi_rounded_double(a * p) - hyi_rounded_double(b * q));
+}
+
+/* t, in the tree's units, at the plane through a triangle's corners, whose x, y, z (in the order of axis) lie stride
+   floats apart; false: the ray runs in the plane. */
+HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double *t) {
+    double a[3], e[3], f[3], n[3];
+    for (int i = 0; i < 3; i++) {
+        const float *row = rows + aim->axis[i] * stride;
+        double corner = (double)row[0];
+        a[i] = hyi_rounded_double(corner - (double)aim->origin[i]);
+        e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
+        f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
+    }
+    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+    double across = hyi_sum_products(n[0], (double)aim->direction[0], n[1], (double)aim->direction[1], n[2], (double)aim->direction[2]);
+    if (across == 0.0) return false;
+    *t = hyi_rounded_double(hyi_sum_products(n[0], a[0], n[1], a[1], n[2], a[2]) / across);
+    return true;
+}
+
 /* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT; weights: u and v. */
 HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float weights[2]) {
     float ax, ay, bx, by, cx, cy;
@@ -168,13 +193,12 @@ HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t str
     double a = hyi_cross_exact(cx, by, cy, bx), b = hyi_cross_exact(ax, cy, ay, cx), c = hyi_cross_exact(bx, ay, by, ax);
     if ((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) return HYI_NO_HIT;
     double sum = hyi_rounded_double(hyi_rounded_double(a + b) + c);
-    if (sum == 0.0) return HYI_NO_HIT;
-    const float *z = rows + aim->axis[2] * stride;
-    double origin = (double)aim->origin[2], inverse = hyi_rounded_double(1.0 / sum);
-    double distance = hyi_sum_products(a, (double)z[0] - origin, b, (double)z[3u * stride] - origin, c, (double)z[6u * stride] - origin);
+    double t;
+    if (sum == 0.0 || !hyi_plane_distance(aim, rows, stride, &t)) return HYI_NO_HIT;
+    double inverse = hyi_rounded_double(1.0 / sum);
     weights[0] = (float)(b * inverse);
     weights[1] = (float)(c * inverse);
-    return (float)hyi_rounded_double(hyi_rounded_double(distance * aim->t_by_z) * inverse);
+    return (float)hyi_rounded_double(t * aim->unit);
 }
 
 /* Ties of equal t go to the smaller instance, then the smaller primitive; t_max itself counts as a hit. */

@@ -10,7 +10,7 @@
 #include "render.h"
 
 #define HYI_BLOCK 8u
-#define HYI_PRIOR_PIXELS 8.0   /* weight of "the scatter is right" against the block's halves */
+#define HYI_PRIOR_PIXELS 2.0   /* weight of "the scatter is right" against the block's halves */
 #define HYI_PRIOR_SAMPLES 4.0  /* weight of the block's mean scatter against a pixel's own */
 
 typedef struct hyi_block_pixel {
