@@ -771,6 +771,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
         if (hyi_try_result != HYDRA_OK) return hyi_try_result; \
     } while (0)
 
+#define HYI_PI 3.14159265358979323846
 #define HYI_COUNT(array) (sizeof(array) / sizeof((array)[0]))
 /* A declaration that may be repeated, of a function that is never defined. */
 #define HYI_STATIC_ASSERT(condition) extern void hyi_assert_holds(char (*)[(condition) ? 1 : -1])
@@ -1362,9 +1363,6 @@ typedef struct hyk_vec3 { hyk_real x, y, z; } hyk_vec3;
 #define hyk_floor(x) floor(x)
 #define hyk_sin(x) sin(x)
 #define hyk_cos(x) cos(x)
-#define hyk_tan(x) tan(x)
-#define hyk_acos(x) acos(x)
-#define hyk_asin(x) asin(x)
 #define hyk_atan2(y, x) atan(y, x)
 #define hyk_exp(x) exp(x)
 #define hyk_log2(x) log2(x)
@@ -1404,9 +1402,6 @@ HYK_FN hyk_real hyk_max(hyk_real a, hyk_real b) { return a > b ? a : b; }
 HYK_FN hyk_real hyk_floor(hyk_real x) { return HYK_MATH(floor)(x); }
 HYK_FN hyk_real hyk_sin(hyk_real x) { return HYK_MATH(sin)(x); }
 HYK_FN hyk_real hyk_cos(hyk_real x) { return HYK_MATH(cos)(x); }
-HYK_FN hyk_real hyk_tan(hyk_real x) { return HYK_MATH(tan)(x); }
-HYK_FN hyk_real hyk_acos(hyk_real x) { return HYK_MATH(acos)(x); }
-HYK_FN hyk_real hyk_asin(hyk_real x) { return HYK_MATH(asin)(x); }
 HYK_FN hyk_real hyk_atan2(hyk_real y, hyk_real x) { return HYK_MATH(atan2)(y, x); }
 HYK_FN hyk_real hyk_exp(hyk_real x) { return HYK_MATH(exp)(x); }
 HYK_FN hyk_real hyk_log2(hyk_real x) { return HYK_MATH(log2)(x); }
@@ -2016,14 +2011,6 @@ HYK_FN hyk_vec3 hyk_direction_near_axis(hyk_real one_minus_cos, hyk_real phi) {
     return hyk_make3(sin_theta * hyk_cos(phi), sin_theta * hyk_sin(phi), 1.0f - one_minus_cos);
 }
 
-HYK_FN hyk_vec3 hyk_sample_sphere(hyk_vec2 u) { return hyk_direction_near_axis(2.0f * u.x, HYK_TWO_PI * u.y); }
-HYK_FN hyk_real hyk_pdf_sphere(void) { return 0.25f * HYK_INV_PI; }
-
-/* 1 - cos of an angle whose sine is given (0..pi/2), without cancellation. */
-HYK_FN hyk_real hyk_one_minus_cos(hyk_real sin_theta) {
-    return sin_theta * sin_theta / (1.0f + hyk_safe_sqrt(1.0f - sin_theta * sin_theta));
-}
-
 /* Cone around +z that ends where 1 - cos(theta) is one_minus_cos, uniformly in solid angle. Concentric, so
    that strata stay compact. */
 HYK_FN hyk_vec3 hyk_sample_cone(hyk_real one_minus_cos, hyk_vec2 u) {
@@ -2035,20 +2022,6 @@ HYK_FN hyk_vec3 hyk_sample_cone(hyk_real one_minus_cos, hyk_vec2 u) {
     return hyk_make3(d.x * s, d.y * s, 1.0f - h);
 }
 HYK_FN hyk_real hyk_pdf_cone(hyk_real one_minus_cos) { return 1.0f / (HYK_TWO_PI * one_minus_cos); }
-
-/* Triangle, uniformly: weights of vertex 1 and vertex 2. Folds the square along its diagonal with little
-   distortion (Heitz 2019, "A low-distortion map between triangle and square"). */
-HYK_FN hyk_vec2 hyk_sample_triangle(hyk_vec2 u) {
-    hyk_real x = u.x, y = u.y;
-    if (y > x) {
-        x *= 0.5f;
-        y -= x;
-    } else {
-        y *= 0.5f;
-        x -= y;
-    }
-    return hyk_make2(x, y);
-}
 
 /* u, known to lie in [lo, lo + width), spread over [0, 1) again. */
 HYK_FN hyk_real hyk_respread(hyk_real u, hyk_real lo, hyk_real width) {
@@ -7811,7 +7784,7 @@ HYI_FN double hyi_legendre(uint32_t n, double x, double *slope) {
 HYI_FN void hyi_make_gauss(hyi_gauss *gauss) {
     const uint32_t n = HYI_ENERGY_GAUSS;
     for (uint32_t i = 0; i < n; i++) {
-        double x = cos(3.14159265358979323846 * (i + 0.75) / (n + 0.5)), slope = 1.0;
+        double x = cos(HYI_PI * (i + 0.75) / (n + 0.5)), slope = 1.0;
         for (int step = 0; step < 8; step++) x -= hyi_legendre(n, x, &slope) / slope;
         hyi_legendre(n, x, &slope);
         gauss->x[i] = 0.5 * (1.0 - x);
@@ -7821,7 +7794,7 @@ HYI_FN void hyi_make_gauss(hyi_gauss *gauss) {
 
 HYI_FN void hyi_make_meridians(hyk_vec2 *around, uint32_t count) {
     for (uint32_t i = 0; i < count; i++) {
-        double angle = 3.14159265358979323846 * (i + 0.5) / count;
+        double angle = HYI_PI * (i + 0.5) / count;
         around[i] = hyk_make2((hyk_real)cos(angle), (hyk_real)sin(angle));
     }
 }
@@ -8297,11 +8270,10 @@ typedef struct hyi_environment_work {
 
 /* Weights of one row's cells, and its splits. */
 HYI_FN void hyi_environment_row(const hyi_environment_work *work, uint32_t row, double *weights) {
-    const double pi = 3.14159265358979323846;
     uint32_t w = work->width, h = work->height;
     const float *above = work->texels + 3 * (size_t)w * (row == 0 ? 0 : row - 1);
     const float *below = work->texels + 3 * (size_t)w * (row == h ? h - 1 : row);
-    double from = row == 0 ? 0.0 : pi * ((double)row - 0.5) / (double)h, to = row == h ? pi : pi * ((double)row + 0.5) / (double)h;
+    double from = row == 0 ? 0.0 : HYI_PI * ((double)row - 0.5) / (double)h, to = row == h ? pi : HYI_PI * ((double)row + 0.5) / (double)h;
     double solid_angle = 2.0 * sin(0.5 * (from + to)) * sin(0.5 * (to - from)) * 2.0 * pi / (double)w;
     for (uint32_t x = 0; x < w; x++) {
         uint32_t right = x + 1 == w ? 0 : x + 1;
@@ -8366,7 +8338,6 @@ HYI_FN hydra_result hyi_environment_build(hydra_context *context, const float *t
 #define HYI_LIGHT_TREE_H
 
 #define HYI_LIGHT_BINS 16u
-#define HYI_LIGHT_PI 3.14159265358979323846
 
 HYI_INLINE double hyi_light_luminance(hyk_vec3 c) { return 0.2126 * (double)c.x + 0.7152 * (double)c.y + 0.0722 * (double)c.z; }
 
@@ -8376,21 +8347,8 @@ HYI_FN double hyi_light_intensity(const hyk_light *light) {
     switch (light->kind) {
     case HYK_LIGHT_POINT:
     case HYK_LIGHT_SPOT: return luminance;
-    case HYK_LIGHT_SPHERE: return luminance * HYI_LIGHT_PI * (double)light->radius * (double)light->radius;
+    case HYK_LIGHT_SPHERE: return luminance * HYI_PI * (double)light->radius * (double)light->radius;
     default: return luminance * (double)light->area;
-    }
-}
-
-/* Luminance of the emitted flux in W. SUN: of the irradiance on a surface facing it, in W/m^2. */
-HYI_FN float hyi_light_power(const hyk_light *light) {
-    double luminance = hyi_light_luminance(light->radiance);
-    double sides = light->flags & HYK_LIGHT_BOTH_SIDES ? 2.0 : 1.0, sine = sin((double)light->radius);
-    switch (light->kind) {
-    case HYK_LIGHT_POINT: return (float)(luminance * 4.0 * HYI_LIGHT_PI);
-    case HYK_LIGHT_SPOT: return (float)(luminance * 2.0 * HYI_LIGHT_PI * (1.0 - 0.5 * ((double)light->cos_inner + (double)light->cos_outer)));
-    case HYK_LIGHT_SUN: return (float)(light->radius > 0.0f ? luminance * HYI_LIGHT_PI * sine * sine : luminance);
-    case HYK_LIGHT_SPHERE: return (float)(luminance * HYI_LIGHT_PI * (double)light->area);
-    default: return (float)(luminance * HYI_LIGHT_PI * (double)light->area * sides);
     }
 }
 
@@ -8462,12 +8420,12 @@ HYI_FN hyi_light_cone hyi_cone_of_light(const hyk_light *light) {
     cone.axis[1] = (double)light->normal.y;
     cone.axis[2] = (double)light->normal.z;
     cone.spread = 0.0;
-    cone.emission = 0.5 * HYI_LIGHT_PI;
+    cone.emission = 0.5 * HYI_PI;
     cone.both_sides = (light->flags & HYK_LIGHT_BOTH_SIDES) != 0 && hyi_light_has_axis(light);
     if (!hyi_light_has_axis(light)) {
         cone.axis[0] = cone.axis[1] = 0.0;
         cone.axis[2] = 1.0;
-        cone.spread = HYI_LIGHT_PI;
+        cone.spread = HYI_PI;
     }
     if (light->kind == HYK_LIGHT_SPOT) { /* its flat beam is no cosine: the bound stays above cos 1.3 inside the beam */
         double outer = acos(fmin(fmax((double)light->cos_outer, -1.0), 1.0));
@@ -8480,7 +8438,7 @@ HYI_FN hyi_light_cone hyi_cone_of_light(const hyk_light *light) {
 HYI_INLINE double hyi_dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 HYI_FN hyi_light_cone hyi_cone_everywhere(hyi_light_cone a, double emission) {
-    a.spread = HYI_LIGHT_PI;
+    a.spread = HYI_PI;
     a.emission = emission;
     return a;
 }
@@ -8511,9 +8469,9 @@ HYI_FN hyi_light_cone hyi_cone_join(hyi_light_cone a, hyi_light_cone b) {
                        a.axis[0] * b.axis[1] - a.axis[1] * b.axis[0]};
     double between = atan2(sqrt(hyi_dot3(cross, cross)), hyi_dot3(a.axis, b.axis));
     a.emission = emission;
-    if (fmin(between + b.spread, HYI_LIGHT_PI) <= a.spread) return a;
+    if (fmin(between + b.spread, HYI_PI) <= a.spread) return a;
     double spread = 0.5 * (a.spread + between + b.spread);
-    if (spread >= HYI_LIGHT_PI || between >= HYI_LIGHT_PI - 1e-9) return hyi_cone_everywhere(a, emission);
+    if (spread >= HYI_PI || between >= HYI_PI - 1e-9) return hyi_cone_everywhere(a, emission);
     hyi_cone_turn(&a, b.axis, spread - a.spread);
     a.spread = spread;
     return a;
@@ -8678,12 +8636,12 @@ HYI_FN uint32_t hyi_light_divide(hyi_light_item *items, uint32_t count, uint32_t
 
 HYI_FN void hyi_light_node_cone(hyk_light_node *node, const hyi_light_cone *cone) {
     /* rounded outwards; a single orientation stays one, which sampling makes use of */
-    double spread = cone->spread > 0.0 ? fmin(cone->spread + 1e-6, HYI_LIGHT_PI) : 0.0;
+    double spread = cone->spread > 0.0 ? fmin(cone->spread + 1e-6, HYI_PI) : 0.0;
     node->axis.x = (float)cone->axis[0];
     node->axis.y = (float)cone->axis[1];
     node->axis.z = (float)cone->axis[2];
-    node->cos_o = cone->spread >= HYI_LIGHT_PI ? -1.0f : fminf((float)cos(spread), spread > 0.0 ? 1.0f - FLT_EPSILON : 1.0f);
-    node->cos_e = cone->emission >= 0.5 * HYI_LIGHT_PI ? 0.0f : (float)cos(cone->emission);
+    node->cos_o = cone->spread >= HYI_PI ? -1.0f : fminf((float)cos(spread), spread > 0.0 ? 1.0f - FLT_EPSILON : 1.0f);
+    node->cos_e = cone->emission >= 0.5 * HYI_PI ? 0.0f : (float)cos(cone->emission);
     node->both_sides = cone->both_sides ? 1u : 0u;
 }
 
@@ -8754,8 +8712,6 @@ HYI_FN hydra_result hyi_light_tree_build(hydra_context *context, hyk_light *ligh
 HYI_STATIC_ASSERT((int)HYK_LIGHT_RECT == (int)HYDRA_LIGHT_RECT && (int)HYK_LIGHT_DISC == (int)HYDRA_LIGHT_DISC &&
                   (int)HYK_LIGHT_SPHERE == (int)HYDRA_LIGHT_SPHERE && (int)HYK_LIGHT_POINT == (int)HYDRA_LIGHT_POINT &&
                   (int)HYK_LIGHT_SPOT == (int)HYDRA_LIGHT_SPOT && (int)HYK_LIGHT_SUN == (int)HYDRA_LIGHT_SUN);
-
-#define HYI_PI 3.14159265358979323846
 
 /* ---- descriptor to record */
 
@@ -10066,7 +10022,6 @@ typedef struct hyi_sum {
 } hyi_sum;
 
 HYI_FN void hyi_sum_add(hyi_sum *sum, double term) { hyi_sums_add(&sum->lanes, &sum->top, &term, 1); }
-HYI_FN void hyi_sum_merge(hyi_sum *sum, const hyi_sum *other) { hyi_sums_merge(&sum->lanes, &sum->top, &other->lanes, other->top, 1); }
 HYI_FN double hyi_sum_value(const hyi_sum *sum) { return hyi_lanes_value(sum->lanes, sum->top); }
 
 /* Three sums under one top. */
@@ -10452,17 +10407,6 @@ HYI_FN void hyi_judge_tile(const hyi_schedule *schedule, const hyi_film *film, h
 }
 
 /* ---- between stages */
-
-/* Pixels of a tile that lie in the region. */
-HYI_FN uint32_t hyi_tile_inside(const hyi_film *film, size_t tile) {
-    uint32_t x0 = hyi_tile_left(film, tile), y0 = hyi_tile_top(film, tile);
-    uint32_t x1 = x0 + film->tile_width, y1 = y0 + film->tile_height;
-    if (x0 < film->left) x0 = film->left;
-    if (y0 < film->top) y0 = film->top;
-    if (x1 > film->right) x1 = film->right;
-    if (y1 > film->bottom) y1 = film->bottom;
-    return (x1 - x0) * (y1 - y0);
-}
 
 /* Verdicts of a finished stage. */
 HYI_FN void hyi_judge_tiles(const hyi_schedule *schedule, hyi_film *film) {
@@ -11043,11 +10987,11 @@ HYDRA_API void hydra_render_cancel(hydra_render *render) {
    The scatter of a pixel's samples overstates its error, because scrambled Sobol points spread out more evenly than
    random ones. The two halves of the samples are independent, so the square of their difference, over 4, is an unbiased
    estimate of the variance of their mean, but a very rough one. Both together: the scatter says how error is shared out
-   among the pixels of an 8x8 block, the halves say how much there is in all. */
+   among the pixels of a block, 8x8 or in a list 64x1, the halves say how much there is in all. */
 #ifndef HYI_STATISTICS_H
 #define HYI_STATISTICS_H
 
-#define HYI_BLOCK 8u
+#define HYI_BLOCK_PIXELS 64u
 #define HYI_PRIOR_PIXELS 2.0   /* weight of "the scatter is right" against the block's halves */
 #define HYI_PRIOR_SAMPLES 4.0  /* weight of the block's mean scatter against a pixel's own */
 
@@ -11059,8 +11003,8 @@ typedef struct hyi_block_pixel {
 } hyi_block_pixel;
 
 typedef struct hyi_block {
-    hyi_block_pixel pixels[HYI_BLOCK * HYI_BLOCK];
-    uint32_t count;
+    hyi_block_pixel pixels[HYI_BLOCK_PIXELS];
+    uint32_t count, left, top, columns; /* the part that lies in the region */
     double scale[3], luminance_scale; /* variance of a channel, luminance = scale x smoothed scatter */
     double mean_scatter;
 } hyi_block;
@@ -11115,14 +11059,32 @@ HYI_FN void hyi_calibrate_block(hyi_block *block) {
     for (int c = 0; c < 3; c++) block->scale[c] = hyi_block_scale(channel_halves[c], scatter, count, luminance > 0.0 ? channel[c] / luminance : 1.0);
 }
 
-/* The 8x8 block of the frame that starts at (x, y), as far as it lies in the region. */
+HYI_FN uint32_t hyi_block_width(const hyi_film *film) { return film->tile_height == 1 ? HYI_BLOCK_PIXELS : 8u; }
+HYI_FN uint32_t hyi_block_height(const hyi_film *film) { return HYI_BLOCK_PIXELS / hyi_block_width(film); }
+
+/* The block of the frame that starts at (x, y), as far as it lies in the region. */
 HYI_FN void hyi_measure_block(const hyi_film *film, uint32_t x, uint32_t y, hyi_block *block) {
-    uint32_t x0 = x > film->left ? x : film->left, y0 = y > film->top ? y : film->top;
-    uint32_t x1 = x + HYI_BLOCK < film->right ? x + HYI_BLOCK : film->right, y1 = y + HYI_BLOCK < film->bottom ? y + HYI_BLOCK : film->bottom;
+    uint32_t x1 = x + hyi_block_width(film), y1 = y + hyi_block_height(film);
+    block->left = x > film->left ? x : film->left;
+    block->top = y > film->top ? y : film->top;
     block->count = 0;
-    for (uint32_t j = y0; j < y1; j++)
-        for (uint32_t i = x0; i < x1; i++) block->pixels[block->count++] = hyi_measure_pixel(film, i, j);
+    x1 = x1 < film->right ? x1 : film->right;
+    y1 = y1 < film->bottom ? y1 : film->bottom;
+    block->columns = x1 - block->left;
+    for (uint32_t j = block->top; j < y1; j++)
+        for (uint32_t i = block->left; i < x1; i++) block->pixels[block->count++] = hyi_measure_pixel(film, i, j);
     hyi_calibrate_block(block);
+}
+
+/* Calls visit for every block that meets the region, rows first. */
+HYI_FN void hyi_each_block(const hyi_film *film, void (*visit)(void *argument, const hyi_film *film, const hyi_block *block), void *argument) {
+    uint32_t w = hyi_block_width(film), h = hyi_block_height(film);
+    for (uint32_t y = film->top - film->top % h; y < film->bottom; y += h)
+        for (uint32_t x = film->left - film->left % w; x < film->right; x += w) {
+            hyi_block block;
+            hyi_measure_block(film, x, y, &block);
+            visit(argument, film, &block);
+        }
 }
 
 /* Standard error of pixel i of a block, by channel. */
@@ -11141,16 +11103,18 @@ HYI_FN bool hyi_is_heavy(const hyi_film *film, size_t index) {
 /* ---- the picture */
 
 typedef struct hyi_error_sums {
+    double brightness;
     double ratio, ratio_square; /* of blocks: mean over pixels of (a - b)^2 / 4 / max(mean, L / 10)^2, as a sum and squared */
     double blocks, pixels;
     uint64_t heavy, dropped;
 } hyi_error_sums;
 
-HYI_FN void hyi_add_block_error(const hyi_film *film, const hyi_block *block, double brightness, hyi_error_sums *sums) {
+HYI_FN void hyi_add_block_error(void *argument, const hyi_film *film, const hyi_block *block) {
+    hyi_error_sums *sums = (hyi_error_sums *)argument;
     double sum = 0.0;
     for (uint32_t i = 0; i < block->count; i++) {
         const hyi_block_pixel *p = &block->pixels[i];
-        double scale = fmax(p->luminance, HYI_DARK_SHARE * brightness);
+        double scale = fmax(p->luminance, HYI_DARK_SHARE * sums->brightness);
         double variance = block->luminance_scale > 0.0 ? block->luminance_scale * hyi_smoothed_scatter(film, block, p) : p->luminance_half_square;
         if (scale > 0.0) sum += variance / (scale * scale);
         sums->heavy += hyi_is_heavy(film, p->index) ? 1u : 0u;
@@ -11162,8 +11126,6 @@ HYI_FN void hyi_add_block_error(const hyi_film *film, const hyi_block *block, do
     sums->pixels += (double)block->count;
 }
 
-HYI_FN uint32_t hyi_align_down(uint32_t x) { return x - x % HYI_BLOCK; }
-
 /* The squared error is a sum over blocks that hardly depend on each other; its own scatter over the blocks gives the
    interval: of the estimate, and once more as much for the real squared error, which scatters about its mean alike. */
 HYI_FN void hyi_make_report(hydra_render *r) {
@@ -11171,13 +11133,8 @@ HYI_FN void hyi_make_report(hydra_render *r) {
     const hyi_film *film = &r->film;
     hyi_error_sums sums;
     memset(&sums, 0, sizeof sums);
-    double brightness = hyi_brightness(film);
-    for (uint32_t y = hyi_align_down(film->top); y < film->bottom; y += HYI_BLOCK)
-        for (uint32_t x = hyi_align_down(film->left); x < film->right; x += HYI_BLOCK) {
-            hyi_block block;
-            hyi_measure_block(film, x, y, &block);
-            hyi_add_block_error(film, &block, brightness, &sums);
-        }
+    sums.brightness = hyi_brightness(film);
+    hyi_each_block(film, hyi_add_block_error, &sums);
     double square = sums.ratio / sums.pixels, spread = square * sqrt(2.0 / fmin(sums.pixels, 64.0));
     if (sums.blocks > 1.5) {
         double mean = sums.ratio / sums.blocks;
@@ -11378,22 +11335,21 @@ HYI_FN void hyi_read_pixel(const hydra_render *r, hydra_output output, size_t in
     }
 }
 
-/* Errors are made block by block. */
-HYI_FN void hyi_read_errors(const hydra_render *r, char *out, size_t stride) {
-    const hyi_film *film = &r->film;
-    for (uint32_t y = hyi_align_down(film->top); y < film->bottom; y += HYI_BLOCK)
-        for (uint32_t x = hyi_align_down(film->left); x < film->right; x += HYI_BLOCK) {
-            hyi_block block;
-            hyi_measure_block(film, x, y, &block);
-            uint32_t x0 = x > film->left ? x : film->left, y0 = y > film->top ? y : film->top;
-            uint32_t columns = (x + HYI_BLOCK < film->right ? x + HYI_BLOCK : film->right) - x0;
-            for (uint32_t i = 0; i < block.count; i++) {
-                float error[3];
-                hyi_pixel_error(film, &block, i, error);
-                for (int c = 0; c < 3; c++) error[c] *= hyi_lightmap_factor(r, c);
-                memcpy(out + (y0 - film->top + i / columns) * stride + 12 * (size_t)(x0 - film->left + i % columns), error, sizeof error);
-            }
-        }
+typedef struct hyi_error_reader {
+    const hydra_render *render;
+    char *out;
+    size_t stride;
+} hyi_error_reader;
+
+HYI_FN void hyi_read_block_errors(void *argument, const hyi_film *film, const hyi_block *block) {
+    const hyi_error_reader *to = (const hyi_error_reader *)argument;
+    for (uint32_t i = 0; i < block->count; i++) {
+        float error[3];
+        hyi_pixel_error(film, block, i, error);
+        for (int c = 0; c < 3; c++) error[c] *= hyi_lightmap_factor(to->render, c);
+        size_t x = block->left - film->left + i % block->columns, y = block->top - film->top + i / block->columns;
+        memcpy(to->out + y * to->stride + x * sizeof error, error, sizeof error);
+    }
 }
 
 HYDRA_API hydra_result hydra_render_read(hydra_render *render, hydra_output output, void *pixels, size_t row_stride) {
@@ -11406,7 +11362,8 @@ HYDRA_API hydra_result hydra_render_read(hydra_render *render, hydra_output outp
     if (row_stride && row_stride < row) return hyi_fail(render->context, HYDRA_ERROR_STRIDE, "row_stride is %zu, a row has %zu bytes", row_stride, row);
     size_t stride = row_stride ? row_stride : row;
     if (output == HYDRA_ERROR) {
-        hyi_read_errors(render, (char *)pixels, stride);
+        hyi_error_reader reader = { render, (char *)pixels, stride };
+        hyi_each_block(film, hyi_read_block_errors, &reader);
         return HYDRA_OK;
     }
     for (uint32_t y = film->top; y < film->bottom; y++)

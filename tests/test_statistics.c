@@ -33,7 +33,7 @@ static void open_lit_plane(known_scene *s, bool edge) {
     truth_store(light.axis_v, truth_v(0, 0, 0.3));
     hydra_scene_add_light(s->world.scene, &light);
     if (edge)
-        truth_scene_mesh(s->world.scene, truth_mesh_quad(truth_v(25, 0.5, 0), truth_v(25, 0, 0), truth_v(0, 0, -50), 1), truth_lambert(s->world.scene, 0));
+        truth_scene_mesh(s->world.scene, truth_mesh_quad(truth_v(1, 0.5, 0), truth_v(1, 0, 0), truth_v(0, 0, -1), 1), truth_lambert(s->world.scene, 0));
     truth_commit(&s->world);
     for (int i = 0; i < PIXELS; i++) {
         double x = (i % SIDE - 3.5) * 0.1, z = (i / SIDE - 3.5) * 0.1;

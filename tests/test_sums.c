@@ -27,7 +27,7 @@ static void test_order_does_not_matter(void **state) {
             hyi_sum_add(&forward, terms[i]);
         }
         for (int i = 119; i >= 0; i--) hyi_sum_add(i & 1 ? &odd : &backward, terms[i]);
-        hyi_sum_merge(&odd, &backward);
+        hyi_sums_merge(&odd.lanes, &odd.top, &backward.lanes, backward.top, 1);
         assert_memory_equal(&forward, &odd, sizeof odd);
     }
 }

@@ -346,6 +346,33 @@ static void test_lights_cast_shadows(void **state) {
     }
 }
 
+/* A strip of light past the edge of a screen half a metre above the point. The screen is one metre or a kilometre wide,
+   which must not matter. Catches: receivers or shadow rays moved by a share of the scene's size: an offset of 1e-5 of
+   it moves this shadow by a seventh of the strip. */
+static void test_shadow_in_large_scene(void **state) {
+    (void)state;
+    static const double sizes[] = {0.5, 25, 500};
+    truth_v3 strip[4] = {{-0.4, 1, -0.3}, {-0.35, 1, -0.3}, {-0.35, 1, 0.3}, {-0.4, 1, 0.3}}, point = truth_v(0.35, 0, 0.15);
+    double truth = truth_polygon_irradiance(strip, 4, point, truth_v(0, 1, 0), 1);
+    for (int i = 0; i < 3; i++) {
+        double half = sizes[i];
+        truth_world world;
+        truth_open(&world);
+        hydra_light_desc light = truth_light(HYDRA_LIGHT_RECT, 1);
+        truth_store(light.position, truth_v(0, 1, 0));
+        truth_store(light.axis_u, truth_v(0.4, 0, 0));
+        truth_store(light.axis_v, truth_v(0, 0, 0.3));
+        hydra_scene_add_light(world.scene, &light);
+        truth_scene_mesh(world.scene, truth_mesh_quad(truth_v(half, 0.5, 0), truth_v(half, 0, 0), truth_v(0, 0, -half), 1), truth_lambert(world.scene, 0));
+        truth_commit(&world);
+        truth_probe probe;
+        memset(&probe, 0, sizeof probe);
+        probe.samples = truth_samples(1024);
+        TRUTH_EXPECT("light past an edge", truth_irradiance(world.scene, point, truth_v(0, 1, 0), probe), truth, 0.003, 5e-4);
+        truth_close(&world);
+    }
+}
+
 /* ---------------------------------------------------------------- power, and many lights */
 
 /* All flux lands on the walls of a black box, whatever the light. Catches: power units of every kind. */
@@ -560,7 +587,7 @@ int hydra_test_truth_lights(void) {
         cmocka_unit_test(test_rect_light),          cmocka_unit_test(test_rect_corner_formula),
         cmocka_unit_test(test_rect_light_near),     cmocka_unit_test(test_sun),
         cmocka_unit_test(test_lights_seen),         cmocka_unit_test(test_lights_cast_shadows),
-        cmocka_unit_test(test_power),               cmocka_unit_test(test_many_lights),
+        cmocka_unit_test(test_shadow_in_large_scene), cmocka_unit_test(test_power),               cmocka_unit_test(test_many_lights),
         cmocka_unit_test(test_mesh_lights),         cmocka_unit_test(test_glowing_sphere),
         cmocka_unit_test(test_instanced_light),     cmocka_unit_test(test_textured_light)};
     return cmocka_run_group_tests_name("truth: lights", tests, NULL, NULL);

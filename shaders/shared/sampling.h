@@ -38,14 +38,6 @@ HYK_FN hyk_vec3 hyk_direction_near_axis(hyk_real one_minus_cos, hyk_real phi) {
     return hyk_make3(sin_theta * hyk_cos(phi), sin_theta * hyk_sin(phi), 1.0f - one_minus_cos);
 }
 
-HYK_FN hyk_vec3 hyk_sample_sphere(hyk_vec2 u) { return hyk_direction_near_axis(2.0f * u.x, HYK_TWO_PI * u.y); }
-HYK_FN hyk_real hyk_pdf_sphere(void) { return 0.25f * HYK_INV_PI; }
-
-/* 1 - cos of an angle whose sine is given (0..pi/2), without cancellation. */
-HYK_FN hyk_real hyk_one_minus_cos(hyk_real sin_theta) {
-    return sin_theta * sin_theta / (1.0f + hyk_safe_sqrt(1.0f - sin_theta * sin_theta));
-}
-
 /* Cone around +z that ends where 1 - cos(theta) is one_minus_cos, uniformly in solid angle. Concentric, so
    that strata stay compact. */
 HYK_FN hyk_vec3 hyk_sample_cone(hyk_real one_minus_cos, hyk_vec2 u) {
@@ -57,20 +49,6 @@ HYK_FN hyk_vec3 hyk_sample_cone(hyk_real one_minus_cos, hyk_vec2 u) {
     return hyk_make3(d.x * s, d.y * s, 1.0f - h);
 }
 HYK_FN hyk_real hyk_pdf_cone(hyk_real one_minus_cos) { return 1.0f / (HYK_TWO_PI * one_minus_cos); }
-
-/* Triangle, uniformly: weights of vertex 1 and vertex 2. Folds the square along its diagonal with little
-   distortion (Heitz 2019, "A low-distortion map between triangle and square"). */
-HYK_FN hyk_vec2 hyk_sample_triangle(hyk_vec2 u) {
-    hyk_real x = u.x, y = u.y;
-    if (y > x) {
-        x *= 0.5f;
-        y -= x;
-    } else {
-        y *= 0.5f;
-        x -= y;
-    }
-    return hyk_make2(x, y);
-}
 
 /* u, known to lie in [lo, lo + width), spread over [0, 1) again. */
 HYK_FN hyk_real hyk_respread(hyk_real u, hyk_real lo, hyk_real width) {

@@ -23,9 +23,6 @@
 #define hyk_floor(x) floor(x)
 #define hyk_sin(x) sin(x)
 #define hyk_cos(x) cos(x)
-#define hyk_tan(x) tan(x)
-#define hyk_acos(x) acos(x)
-#define hyk_asin(x) asin(x)
 #define hyk_atan2(y, x) atan(y, x)
 #define hyk_exp(x) exp(x)
 #define hyk_log2(x) log2(x)
@@ -65,9 +62,6 @@ HYK_FN hyk_real hyk_max(hyk_real a, hyk_real b) { return a > b ? a : b; }
 HYK_FN hyk_real hyk_floor(hyk_real x) { return HYK_MATH(floor)(x); }
 HYK_FN hyk_real hyk_sin(hyk_real x) { return HYK_MATH(sin)(x); }
 HYK_FN hyk_real hyk_cos(hyk_real x) { return HYK_MATH(cos)(x); }
-HYK_FN hyk_real hyk_tan(hyk_real x) { return HYK_MATH(tan)(x); }
-HYK_FN hyk_real hyk_acos(hyk_real x) { return HYK_MATH(acos)(x); }
-HYK_FN hyk_real hyk_asin(hyk_real x) { return HYK_MATH(asin)(x); }
 HYK_FN hyk_real hyk_atan2(hyk_real y, hyk_real x) { return HYK_MATH(atan2)(y, x); }
 HYK_FN hyk_real hyk_exp(hyk_real x) { return HYK_MATH(exp)(x); }
 HYK_FN hyk_real hyk_log2(hyk_real x) { return HYK_MATH(log2)(x); }

@@ -81,6 +81,7 @@
         if (hyi_try_result != HYDRA_OK) return hyi_try_result; \
     } while (0)
 
+#define HYI_PI 3.14159265358979323846
 #define HYI_COUNT(array) (sizeof(array) / sizeof((array)[0]))
 /* A declaration that may be repeated, of a function that is never defined. */
 #define HYI_STATIC_ASSERT(condition) extern void hyi_assert_holds(char (*)[(condition) ? 1 : -1])

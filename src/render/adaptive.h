@@ -104,17 +104,6 @@ HYI_FN void hyi_judge_tile(const hyi_schedule *schedule, const hyi_film *film, h
 
 /* ---- between stages */
 
-/* Pixels of a tile that lie in the region. */
-HYI_FN uint32_t hyi_tile_inside(const hyi_film *film, size_t tile) {
-    uint32_t x0 = hyi_tile_left(film, tile), y0 = hyi_tile_top(film, tile);
-    uint32_t x1 = x0 + film->tile_width, y1 = y0 + film->tile_height;
-    if (x0 < film->left) x0 = film->left;
-    if (y0 < film->top) y0 = film->top;
-    if (x1 > film->right) x1 = film->right;
-    if (y1 > film->bottom) y1 = film->bottom;
-    return (x1 - x0) * (y1 - y0);
-}
-
 /* Verdicts of a finished stage. */
 HYI_FN void hyi_judge_tiles(const hyi_schedule *schedule, hyi_film *film) {
     for (size_t i = 0; i < hyi_film_tile_count(film); i++) {

@@ -97,7 +97,6 @@ typedef struct hyi_sum {
 } hyi_sum;
 
 HYI_FN void hyi_sum_add(hyi_sum *sum, double term) { hyi_sums_add(&sum->lanes, &sum->top, &term, 1); }
-HYI_FN void hyi_sum_merge(hyi_sum *sum, const hyi_sum *other) { hyi_sums_merge(&sum->lanes, &sum->top, &other->lanes, other->top, 1); }
 HYI_FN double hyi_sum_value(const hyi_sum *sum) { return hyi_lanes_value(sum->lanes, sum->top); }
 
 /* Three sums under one top. */

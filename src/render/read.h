@@ -105,22 +105,21 @@ HYI_FN void hyi_read_pixel(const hydra_render *r, hydra_output output, size_t in
     }
 }
 
-/* Errors are made block by block. */
-HYI_FN void hyi_read_errors(const hydra_render *r, char *out, size_t stride) {
-    const hyi_film *film = &r->film;
-    for (uint32_t y = hyi_align_down(film->top); y < film->bottom; y += HYI_BLOCK)
-        for (uint32_t x = hyi_align_down(film->left); x < film->right; x += HYI_BLOCK) {
-            hyi_block block;
-            hyi_measure_block(film, x, y, &block);
-            uint32_t x0 = x > film->left ? x : film->left, y0 = y > film->top ? y : film->top;
-            uint32_t columns = (x + HYI_BLOCK < film->right ? x + HYI_BLOCK : film->right) - x0;
-            for (uint32_t i = 0; i < block.count; i++) {
-                float error[3];
-                hyi_pixel_error(film, &block, i, error);
-                for (int c = 0; c < 3; c++) error[c] *= hyi_lightmap_factor(r, c);
-                memcpy(out + (y0 - film->top + i / columns) * stride + 12 * (size_t)(x0 - film->left + i % columns), error, sizeof error);
-            }
-        }
+typedef struct hyi_error_reader {
+    const hydra_render *render;
+    char *out;
+    size_t stride;
+} hyi_error_reader;
+
+HYI_FN void hyi_read_block_errors(void *argument, const hyi_film *film, const hyi_block *block) {
+    const hyi_error_reader *to = (const hyi_error_reader *)argument;
+    for (uint32_t i = 0; i < block->count; i++) {
+        float error[3];
+        hyi_pixel_error(film, block, i, error);
+        for (int c = 0; c < 3; c++) error[c] *= hyi_lightmap_factor(to->render, c);
+        size_t x = block->left - film->left + i % block->columns, y = block->top - film->top + i / block->columns;
+        memcpy(to->out + y * to->stride + x * sizeof error, error, sizeof error);
+    }
 }
 
 HYDRA_API hydra_result hydra_render_read(hydra_render *render, hydra_output output, void *pixels, size_t row_stride) {
@@ -133,7 +132,8 @@ HYDRA_API hydra_result hydra_render_read(hydra_render *render, hydra_output outp
     if (row_stride && row_stride < row) return hyi_fail(render->context, HYDRA_ERROR_STRIDE, "row_stride is %zu, a row has %zu bytes", row_stride, row);
     size_t stride = row_stride ? row_stride : row;
     if (output == HYDRA_ERROR) {
-        hyi_read_errors(render, (char *)pixels, stride);
+        hyi_error_reader reader = { render, (char *)pixels, stride };
+        hyi_each_block(film, hyi_read_block_errors, &reader);
         return HYDRA_OK;
     }
     for (uint32_t y = film->top; y < film->bottom; y++)

@@ -3,13 +3,13 @@
    The scatter of a pixel's samples overstates its error, because scrambled Sobol points spread out more evenly than
    random ones. The two halves of the samples are independent, so the square of their difference, over 4, is an unbiased
    estimate of the variance of their mean, but a very rough one. Both together: the scatter says how error is shared out
-   among the pixels of an 8x8 block, the halves say how much there is in all. */
+   among the pixels of a block, 8x8 or in a list 64x1, the halves say how much there is in all. */
 #ifndef HYI_STATISTICS_H
 #define HYI_STATISTICS_H
 
 #include "render.h"
 
-#define HYI_BLOCK 8u
+#define HYI_BLOCK_PIXELS 64u
 #define HYI_PRIOR_PIXELS 2.0   /* weight of "the scatter is right" against the block's halves */
 #define HYI_PRIOR_SAMPLES 4.0  /* weight of the block's mean scatter against a pixel's own */
 
@@ -21,8 +21,8 @@ typedef struct hyi_block_pixel {
 } hyi_block_pixel;
 
 typedef struct hyi_block {
-    hyi_block_pixel pixels[HYI_BLOCK * HYI_BLOCK];
-    uint32_t count;
+    hyi_block_pixel pixels[HYI_BLOCK_PIXELS];
+    uint32_t count, left, top, columns; /* the part that lies in the region */
     double scale[3], luminance_scale; /* variance of a channel, luminance = scale x smoothed scatter */
     double mean_scatter;
 } hyi_block;
@@ -77,14 +77,32 @@ HYI_FN void hyi_calibrate_block(hyi_block *block) {
     for (int c = 0; c < 3; c++) block->scale[c] = hyi_block_scale(channel_halves[c], scatter, count, luminance > 0.0 ? channel[c] / luminance : 1.0);
 }
 
-/* The 8x8 block of the frame that starts at (x, y), as far as it lies in the region. */
+HYI_FN uint32_t hyi_block_width(const hyi_film *film) { return film->tile_height == 1 ? HYI_BLOCK_PIXELS : 8u; }
+HYI_FN uint32_t hyi_block_height(const hyi_film *film) { return HYI_BLOCK_PIXELS / hyi_block_width(film); }
+
+/* The block of the frame that starts at (x, y), as far as it lies in the region. */
 HYI_FN void hyi_measure_block(const hyi_film *film, uint32_t x, uint32_t y, hyi_block *block) {
-    uint32_t x0 = x > film->left ? x : film->left, y0 = y > film->top ? y : film->top;
-    uint32_t x1 = x + HYI_BLOCK < film->right ? x + HYI_BLOCK : film->right, y1 = y + HYI_BLOCK < film->bottom ? y + HYI_BLOCK : film->bottom;
+    uint32_t x1 = x + hyi_block_width(film), y1 = y + hyi_block_height(film);
+    block->left = x > film->left ? x : film->left;
+    block->top = y > film->top ? y : film->top;
     block->count = 0;
-    for (uint32_t j = y0; j < y1; j++)
-        for (uint32_t i = x0; i < x1; i++) block->pixels[block->count++] = hyi_measure_pixel(film, i, j);
+    x1 = x1 < film->right ? x1 : film->right;
+    y1 = y1 < film->bottom ? y1 : film->bottom;
+    block->columns = x1 - block->left;
+    for (uint32_t j = block->top; j < y1; j++)
+        for (uint32_t i = block->left; i < x1; i++) block->pixels[block->count++] = hyi_measure_pixel(film, i, j);
     hyi_calibrate_block(block);
+}
+
+/* Calls visit for every block that meets the region, rows first. */
+HYI_FN void hyi_each_block(const hyi_film *film, void (*visit)(void *argument, const hyi_film *film, const hyi_block *block), void *argument) {
+    uint32_t w = hyi_block_width(film), h = hyi_block_height(film);
+    for (uint32_t y = film->top - film->top % h; y < film->bottom; y += h)
+        for (uint32_t x = film->left - film->left % w; x < film->right; x += w) {
+            hyi_block block;
+            hyi_measure_block(film, x, y, &block);
+            visit(argument, film, &block);
+        }
 }
 
 /* Standard error of pixel i of a block, by channel. */
@@ -103,16 +121,18 @@ HYI_FN bool hyi_is_heavy(const hyi_film *film, size_t index) {
 /* ---- the picture */
 
 typedef struct hyi_error_sums {
+    double brightness;
     double ratio, ratio_square; /* of blocks: mean over pixels of (a - b)^2 / 4 / max(mean, L / 10)^2, as a sum and squared */
     double blocks, pixels;
     uint64_t heavy, dropped;
 } hyi_error_sums;
 
-HYI_FN void hyi_add_block_error(const hyi_film *film, const hyi_block *block, double brightness, hyi_error_sums *sums) {
+HYI_FN void hyi_add_block_error(void *argument, const hyi_film *film, const hyi_block *block) {
+    hyi_error_sums *sums = (hyi_error_sums *)argument;
     double sum = 0.0;
     for (uint32_t i = 0; i < block->count; i++) {
         const hyi_block_pixel *p = &block->pixels[i];
-        double scale = fmax(p->luminance, HYI_DARK_SHARE * brightness);
+        double scale = fmax(p->luminance, HYI_DARK_SHARE * sums->brightness);
         double variance = block->luminance_scale > 0.0 ? block->luminance_scale * hyi_smoothed_scatter(film, block, p) : p->luminance_half_square;
         if (scale > 0.0) sum += variance / (scale * scale);
         sums->heavy += hyi_is_heavy(film, p->index) ? 1u : 0u;
@@ -124,8 +144,6 @@ HYI_FN void hyi_add_block_error(const hyi_film *film, const hyi_block *block, do
     sums->pixels += (double)block->count;
 }
 
-HYI_FN uint32_t hyi_align_down(uint32_t x) { return x - x % HYI_BLOCK; }
-
 /* The squared error is a sum over blocks that hardly depend on each other; its own scatter over the blocks gives the
    interval: of the estimate, and once more as much for the real squared error, which scatters about its mean alike. */
 HYI_FN void hyi_make_report(hydra_render *r) {
@@ -133,13 +151,8 @@ HYI_FN void hyi_make_report(hydra_render *r) {
     const hyi_film *film = &r->film;
     hyi_error_sums sums;
     memset(&sums, 0, sizeof sums);
-    double brightness = hyi_brightness(film);
-    for (uint32_t y = hyi_align_down(film->top); y < film->bottom; y += HYI_BLOCK)
-        for (uint32_t x = hyi_align_down(film->left); x < film->right; x += HYI_BLOCK) {
-            hyi_block block;
-            hyi_measure_block(film, x, y, &block);
-            hyi_add_block_error(film, &block, brightness, &sums);
-        }
+    sums.brightness = hyi_brightness(film);
+    hyi_each_block(film, hyi_add_block_error, &sums);
     double square = sums.ratio / sums.pixels, spread = square * sqrt(2.0 / fmin(sums.pixels, 64.0));
     if (sums.blocks > 1.5) {
         double mean = sums.ratio / sums.blocks;

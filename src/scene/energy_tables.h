@@ -67,7 +67,7 @@ HYI_FN double hyi_legendre(uint32_t n, double x, double *slope) {
 HYI_FN void hyi_make_gauss(hyi_gauss *gauss) {
     const uint32_t n = HYI_ENERGY_GAUSS;
     for (uint32_t i = 0; i < n; i++) {
-        double x = cos(3.14159265358979323846 * (i + 0.75) / (n + 0.5)), slope = 1.0;
+        double x = cos(HYI_PI * (i + 0.75) / (n + 0.5)), slope = 1.0;
         for (int step = 0; step < 8; step++) x -= hyi_legendre(n, x, &slope) / slope;
         hyi_legendre(n, x, &slope);
         gauss->x[i] = 0.5 * (1.0 - x);
@@ -77,7 +77,7 @@ HYI_FN void hyi_make_gauss(hyi_gauss *gauss) {
 
 HYI_FN void hyi_make_meridians(hyk_vec2 *around, uint32_t count) {
     for (uint32_t i = 0; i < count; i++) {
-        double angle = 3.14159265358979323846 * (i + 0.5) / count;
+        double angle = HYI_PI * (i + 0.5) / count;
         around[i] = hyk_make2((hyk_real)cos(angle), (hyk_real)sin(angle));
     }
 }

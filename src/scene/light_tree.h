@@ -13,7 +13,6 @@
 #include "../../shaders/shared/light_layouts.h"
 
 #define HYI_LIGHT_BINS 16u
-#define HYI_LIGHT_PI 3.14159265358979323846
 
 HYI_INLINE double hyi_light_luminance(hyk_vec3 c) { return 0.2126 * (double)c.x + 0.7152 * (double)c.y + 0.0722 * (double)c.z; }
 
@@ -23,21 +22,8 @@ HYI_FN double hyi_light_intensity(const hyk_light *light) {
     switch (light->kind) {
     case HYK_LIGHT_POINT:
     case HYK_LIGHT_SPOT: return luminance;
-    case HYK_LIGHT_SPHERE: return luminance * HYI_LIGHT_PI * (double)light->radius * (double)light->radius;
+    case HYK_LIGHT_SPHERE: return luminance * HYI_PI * (double)light->radius * (double)light->radius;
     default: return luminance * (double)light->area;
-    }
-}
-
-/* Luminance of the emitted flux in W. SUN: of the irradiance on a surface facing it, in W/m^2. */
-HYI_FN float hyi_light_power(const hyk_light *light) {
-    double luminance = hyi_light_luminance(light->radiance);
-    double sides = light->flags & HYK_LIGHT_BOTH_SIDES ? 2.0 : 1.0, sine = sin((double)light->radius);
-    switch (light->kind) {
-    case HYK_LIGHT_POINT: return (float)(luminance * 4.0 * HYI_LIGHT_PI);
-    case HYK_LIGHT_SPOT: return (float)(luminance * 2.0 * HYI_LIGHT_PI * (1.0 - 0.5 * ((double)light->cos_inner + (double)light->cos_outer)));
-    case HYK_LIGHT_SUN: return (float)(light->radius > 0.0f ? luminance * HYI_LIGHT_PI * sine * sine : luminance);
-    case HYK_LIGHT_SPHERE: return (float)(luminance * HYI_LIGHT_PI * (double)light->area);
-    default: return (float)(luminance * HYI_LIGHT_PI * (double)light->area * sides);
     }
 }
 
@@ -109,12 +95,12 @@ HYI_FN hyi_light_cone hyi_cone_of_light(const hyk_light *light) {
     cone.axis[1] = (double)light->normal.y;
     cone.axis[2] = (double)light->normal.z;
     cone.spread = 0.0;
-    cone.emission = 0.5 * HYI_LIGHT_PI;
+    cone.emission = 0.5 * HYI_PI;
     cone.both_sides = (light->flags & HYK_LIGHT_BOTH_SIDES) != 0 && hyi_light_has_axis(light);
     if (!hyi_light_has_axis(light)) {
         cone.axis[0] = cone.axis[1] = 0.0;
         cone.axis[2] = 1.0;
-        cone.spread = HYI_LIGHT_PI;
+        cone.spread = HYI_PI;
     }
     if (light->kind == HYK_LIGHT_SPOT) { /* its flat beam is no cosine: the bound stays above cos 1.3 inside the beam */
         double outer = acos(fmin(fmax((double)light->cos_outer, -1.0), 1.0));
@@ -127,7 +113,7 @@ HYI_FN hyi_light_cone hyi_cone_of_light(const hyk_light *light) {
 HYI_INLINE double hyi_dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 HYI_FN hyi_light_cone hyi_cone_everywhere(hyi_light_cone a, double emission) {
-    a.spread = HYI_LIGHT_PI;
+    a.spread = HYI_PI;
     a.emission = emission;
     return a;
 }
@@ -158,9 +144,9 @@ HYI_FN hyi_light_cone hyi_cone_join(hyi_light_cone a, hyi_light_cone b) {
                        a.axis[0] * b.axis[1] - a.axis[1] * b.axis[0]};
     double between = atan2(sqrt(hyi_dot3(cross, cross)), hyi_dot3(a.axis, b.axis));
     a.emission = emission;
-    if (fmin(between + b.spread, HYI_LIGHT_PI) <= a.spread) return a;
+    if (fmin(between + b.spread, HYI_PI) <= a.spread) return a;
     double spread = 0.5 * (a.spread + between + b.spread);
-    if (spread >= HYI_LIGHT_PI || between >= HYI_LIGHT_PI - 1e-9) return hyi_cone_everywhere(a, emission);
+    if (spread >= HYI_PI || between >= HYI_PI - 1e-9) return hyi_cone_everywhere(a, emission);
     hyi_cone_turn(&a, b.axis, spread - a.spread);
     a.spread = spread;
     return a;
@@ -325,12 +311,12 @@ HYI_FN uint32_t hyi_light_divide(hyi_light_item *items, uint32_t count, uint32_t
 
 HYI_FN void hyi_light_node_cone(hyk_light_node *node, const hyi_light_cone *cone) {
     /* rounded outwards; a single orientation stays one, which sampling makes use of */
-    double spread = cone->spread > 0.0 ? fmin(cone->spread + 1e-6, HYI_LIGHT_PI) : 0.0;
+    double spread = cone->spread > 0.0 ? fmin(cone->spread + 1e-6, HYI_PI) : 0.0;
     node->axis.x = (float)cone->axis[0];
     node->axis.y = (float)cone->axis[1];
     node->axis.z = (float)cone->axis[2];
-    node->cos_o = cone->spread >= HYI_LIGHT_PI ? -1.0f : fminf((float)cos(spread), spread > 0.0 ? 1.0f - FLT_EPSILON : 1.0f);
-    node->cos_e = cone->emission >= 0.5 * HYI_LIGHT_PI ? 0.0f : (float)cos(cone->emission);
+    node->cos_o = cone->spread >= HYI_PI ? -1.0f : fminf((float)cos(spread), spread > 0.0 ? 1.0f - FLT_EPSILON : 1.0f);
+    node->cos_e = cone->emission >= 0.5 * HYI_PI ? 0.0f : (float)cos(cone->emission);
     node->both_sides = cone->both_sides ? 1u : 0u;
 }
 

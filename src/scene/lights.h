@@ -14,8 +14,6 @@ HYI_STATIC_ASSERT((int)HYK_LIGHT_RECT == (int)HYDRA_LIGHT_RECT && (int)HYK_LIGHT
                   (int)HYK_LIGHT_SPHERE == (int)HYDRA_LIGHT_SPHERE && (int)HYK_LIGHT_POINT == (int)HYDRA_LIGHT_POINT &&
                   (int)HYK_LIGHT_SPOT == (int)HYDRA_LIGHT_SPOT && (int)HYK_LIGHT_SUN == (int)HYDRA_LIGHT_SUN);
 
-#define HYI_PI 3.14159265358979323846
-
 /* ---- descriptor to record */
 
 HYI_FN hydra_result hyi_check_light_unit(hydra_context *context, const hydra_light_desc *d) {
