@@ -8273,8 +8273,8 @@ HYI_FN void hyi_environment_row(const hyi_environment_work *work, uint32_t row, 
     uint32_t w = work->width, h = work->height;
     const float *above = work->texels + 3 * (size_t)w * (row == 0 ? 0 : row - 1);
     const float *below = work->texels + 3 * (size_t)w * (row == h ? h - 1 : row);
-    double from = row == 0 ? 0.0 : HYI_PI * ((double)row - 0.5) / (double)h, to = row == h ? pi : HYI_PI * ((double)row + 0.5) / (double)h;
-    double solid_angle = 2.0 * sin(0.5 * (from + to)) * sin(0.5 * (to - from)) * 2.0 * pi / (double)w;
+    double from = row == 0 ? 0.0 : HYI_PI * ((double)row - 0.5) / (double)h, to = row == h ? HYI_PI : HYI_PI * ((double)row + 0.5) / (double)h;
+    double solid_angle = 2.0 * sin(0.5 * (from + to)) * sin(0.5 * (to - from)) * 2.0 * HYI_PI / (double)w;
     for (uint32_t x = 0; x < w; x++) {
         uint32_t right = x + 1 == w ? 0 : x + 1;
         double sum = hyi_texel_luminance(above + 3 * (size_t)x) + hyi_texel_luminance(above + 3 * (size_t)right) +
