@@ -1260,7 +1260,8 @@ HYDRA_API uint32_t hydra_context_threads(const hydra_context *context) { return 
 
    GLSL includes this with HYK_GLSL defined. In C, HYK_REAL may be double: the oracle.
    Rules for everything in shaders/shared: hyk_vec3 and friends have no operators, use the functions of
-   vector.h; structs are declared with HYK_STRUCT and ended with HYK_END; functions with HYK_FN; no
+   vector.h; structs are declared with HYK_STRUCT and ended with HYK_END; functions with HYK_FN, or HYK_CALLED where they
+   are so long that C should have one copy of them rather than one in each kernel; no
    pointers, no recursion, no implicit conversions; literals exact in binary carry an f suffix, all
    others go through HYK_C. Conversions: HYK_TO_REAL(x), HYK_TO_UINT(x), HYK_TO_INT(x). */
 #ifndef HYK_LANGUAGE_H
@@ -1269,6 +1270,7 @@ HYDRA_API uint32_t hydra_context_threads(const hydra_context *context) { return 
 #ifdef HYK_GLSL
 
 #define HYK_FN
+#define HYK_CALLED
 #define HYK_STRUCT(name) struct name
 #define HYK_END(name) ;
 #define hyk_real float
@@ -1303,8 +1305,10 @@ HYDRA_API uint32_t hydra_context_threads(const hydra_context *context) { return 
 
 #if defined(__GNUC__) || defined(__clang__)
 #define HYK_FN static inline __attribute__((always_inline, unused))
+#define HYK_CALLED static __attribute__((noinline, unused))
 #else
 #define HYK_FN static inline
+#define HYK_CALLED static
 #endif
 #define HYK_STRUCT(name) typedef struct name
 #define HYK_END(name) name;
@@ -1870,7 +1874,7 @@ HYK_FN hyk_real hyk_wrap_coordinate(hyk_real u, hyk_uint mode) {
 }
 
 /* Bilinear lookup at uv in the level nearest to lod (log2 of the footprint in texels of level 0). */
-HYK_FN hyk_rgba hyk_sample_texture(hyk_view view, hyk_uint texture, hyk_vec2 uv, hyk_real lod) {
+HYK_CALLED hyk_rgba hyk_sample_texture(hyk_view view, hyk_uint texture, hyk_vec2 uv, hyk_real lod) {
     hyk_texture t = HYK_LOAD_TEXTURE(view, texture);
     hyk_uint level = HYK_TO_UINT(hyk_clamp(lod + 0.5f, 0.0f, HYK_TO_REAL(t.levels) - 0.5f));
     hyk_uint w = hyk_max_uint(t.width >> level, 1u), h = hyk_max_uint(t.height >> level, 1u);
@@ -3300,11 +3304,15 @@ HYK_FN hyk_bsdf_value hyk_eval_pair(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, h
     return hyk_no_value();
 }
 
+HYK_CALLED hyk_bsdf_value hyk_eval_layers(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_vec3 wi, hyk_uint features) {
+    hyk_layers o = hyk_layers_at(view, bsdf, wo.z, features);
+    return hyk_eval_pair(view, bsdf, wo, wi, o, hyk_lobe_shares_of(bsdf, o, features), features);
+}
+
 HYK_FN hyk_bsdf_value hyk_bsdf_eval(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_vec3 wi, hyk_uint features) {
     if (!(wo.z > 0.0f)) return hyk_no_value();
     if (hyk_bsdf_only_lambert(bsdf, features)) return hyk_eval_lambert(bsdf, wi.z);
-    hyk_layers o = hyk_layers_at(view, bsdf, wo.z, features);
-    return hyk_eval_pair(view, bsdf, wo, wi, o, hyk_lobe_shares_of(bsdf, o, features), features);
+    return hyk_eval_layers(view, bsdf, wo, wi, features);
 }
 
 /* ---- sampling */
@@ -3438,9 +3446,7 @@ HYK_FN hyk_bsdf_sample hyk_sample_lobe(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo
     return hyk_sample_window(view, r, bsdf, wo, o, q.window);
 }
 
-HYK_FN hyk_bsdf_sample hyk_bsdf_sample_direction(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_real u_lobe, hyk_vec2 u, hyk_uint features) {
-    if (!(wo.z > 0.0f)) return hyk_no_sample(u_lobe);
-    if (hyk_bsdf_only_lambert(bsdf, features)) return hyk_sample_lambert(bsdf, u_lobe, u);
+HYK_CALLED hyk_bsdf_sample hyk_sample_layers(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_real u_lobe, hyk_vec2 u, hyk_uint features) {
     hyk_layers o = hyk_layers_at(view, bsdf, wo.z, features);
     hyk_lobe_shares q = hyk_lobe_shares_of(bsdf, o, features);
     if (!(q.total > 0.0f)) return hyk_no_sample(u_lobe);
@@ -3452,6 +3458,12 @@ HYK_FN hyk_bsdf_sample hyk_bsdf_sample_direction(hyk_view view, hyk_bsdf bsdf, h
     r.diffuse = hyk_scale(value.diffuse, 1.0f / value.pdf);
     r.specular = hyk_scale(value.specular, 1.0f / value.pdf);
     return r;
+}
+
+HYK_FN hyk_bsdf_sample hyk_bsdf_sample_direction(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_real u_lobe, hyk_vec2 u, hyk_uint features) {
+    if (!(wo.z > 0.0f)) return hyk_no_sample(u_lobe);
+    if (hyk_bsdf_only_lambert(bsdf, features)) return hyk_sample_lambert(bsdf, u_lobe, u);
+    return hyk_sample_layers(view, bsdf, wo, u_lobe, u, features);
 }
 
 /* ---- albedo */
@@ -3468,7 +3480,7 @@ HYK_FN hyk_vec3 hyk_glass_albedo(hyk_bsdf bsdf, hyk_layers o) {
 }
 
 /* Share of the light along wo that is reflected or transmitted (power: without the n^2 of radiance). */
-HYK_FN hyk_vec3 hyk_bsdf_albedo(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_uint features) {
+HYK_CALLED hyk_vec3 hyk_bsdf_albedo(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_uint features) {
     if (hyk_bsdf_only_lambert(bsdf, features)) return bsdf.base_color;
     hyk_layers o = hyk_layers_at(view, bsdf, hyk_max(wo.z, 0.0f), features);
     hyk_real rest = hyk_max(o.pass - o.metal_lost - o.schlick, 0.0f);
@@ -4389,7 +4401,7 @@ HYK_FN hyk_light_sample hyk_sample_sky(hyk_view view, hyk_vec3 n, hyk_bool both_
 
 /* One direction to one light. n: the shading normal, on the viewer's side; both_sides: the surface transmits,
    so that light from behind counts too; u_select chooses the light, u the direction. */
-HYK_FN hyk_light_sample hyk_sample_lights(hyk_view view, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_real u_select, hyk_vec2 u,
+HYK_CALLED hyk_light_sample hyk_sample_lights(hyk_view view, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_real u_select, hyk_vec2 u,
                                           hyk_uint features) {
     hyk_light_groups groups = hyk_choose_light_groups(view, p, n, both_sides, features);
     hyk_light_sample s = hyk_no_light_sample();
@@ -4430,7 +4442,7 @@ HYK_FN hyk_light_sample hyk_sample_lights(hyk_view view, hyk_vec3 p, hyk_vec3 n,
 
 /* The density with which hyk_sample_lights, given the same p, n and both_sides, would have produced a unit
    direction that hits a RECT, DISC, SPHERE or TRIANGLE light. distance and light_normal describe that hit. */
-HYK_FN hyk_real hyk_pdf_light(hyk_view view, hyk_uint light, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_vec3 direction,
+HYK_CALLED hyk_real hyk_pdf_light(hyk_view view, hyk_uint light, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_vec3 direction,
                               hyk_real distance, hyk_vec3 light_normal, hyk_uint features) {
     if (!hyk_has_finite_lights(view, features) || !(distance > 0.0f)) return 0.0f;
     hyk_light l = HYK_LOAD_LIGHT(view, light);
@@ -4442,7 +4454,7 @@ HYK_FN hyk_real hyk_pdf_light(hyk_view view, hyk_uint light, hyk_vec3 p, hyk_vec
 }
 
 /* The same for a ray that escapes: which is a sun, or HYK_NONE for the environment. */
-HYK_FN hyk_real hyk_pdf_infinite(hyk_view view, hyk_uint which, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_vec3 direction,
+HYK_CALLED hyk_real hyk_pdf_infinite(hyk_view view, hyk_uint which, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_vec3 direction,
                                  hyk_uint features) {
     if (which == HYK_NONE) {
         if (!hyk_has_environment(view, features)) return 0.0f;
@@ -4618,8 +4630,9 @@ HYK_STRUCT(hyk_path_settings) {
 } HYK_END(hyk_path_settings)
 
 /* Rays that leave a surface meet it at t = 0 when it is an axis plane through 0, where no rounding moves them off it:
-   they begin at the smallest number that is not 0. */
-#define HYK_AFTER_START HYK_C(1.17549435e-38)
+   they begin a little after 0, where no float on a surface is. Not at the very smallest number: its error bound would be
+   denormal, and a denormal result costs a hundred cycles. */
+#define HYK_AFTER_START HYK_C(1.0e-30)
 
 /* Random pairs: two for the sensor, then four a vertex. */
 #define HYK_PAIR_FILM 0u

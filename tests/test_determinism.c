@@ -405,8 +405,9 @@ static void test_resume(void **state) {
     resume(0.1f, 256, 8);
 }
 
-/* Disjoint regions of one frame, rendered by different processes, with adaptation: merged into the whole frame.
-   Catches: tiles that know of each other. Regions on tile borders, as the merge contract asks. */
+/* Disjoint regions of one frame, rendered by different processes, merged into the whole frame. Catches: tiles that know
+   of each other. Regions on tile borders, as the merge contract asks. With a target, regions may differ from the whole
+   (each judges by its own brightness), but not between orders of merging. */
 static void test_region_shares(void **state) {
     (void)state;
     for (int adaptive = 0; adaptive < 2; adaptive++) {
@@ -430,8 +431,14 @@ static void test_region_shares(void **state) {
                 hydra_render_destroy(render);
             }
             assert_int_equal(hydra_render_step(sum), HYDRA_OK);
-            expect_same(reference, read_all(sum));
+            pixels_of *merged = read_all(sum);
             hydra_render_destroy(sum);
+            if (adaptive && order == 0) {
+                free(reference);
+                reference = merged;
+            } else {
+                expect_same(reference, merged);
+            }
         }
         hydra_render_destroy(whole);
         free(reference);

@@ -405,8 +405,8 @@ static void test_lights(void **state) {
     BAD_LIGHT(HYDRA_LIGHT_SPOT, direction[0] = nan_value, HYDRA_ERROR_NOT_FINITE);
     BAD_LIGHT(HYDRA_LIGHT_SUN, angular_radius = -0.1f, HYDRA_ERROR_LIGHT);
     BAD_LIGHT(HYDRA_LIGHT_SUN, angular_radius = 4, HYDRA_ERROR_LIGHT);
-    BAD_LIGHT(HYDRA_LIGHT_SUN, unit = HYDRA_UNIT_POWER, HYDRA_ERROR_ENUM);
-    BAD_LIGHT(HYDRA_LIGHT_POINT, unit = HYDRA_UNIT_IRRADIANCE, HYDRA_ERROR_ENUM);
+    BAD_LIGHT(HYDRA_LIGHT_SUN, unit = HYDRA_UNIT_POWER, HYDRA_ERROR_LIGHT);
+    BAD_LIGHT(HYDRA_LIGHT_POINT, unit = HYDRA_UNIT_IRRADIANCE, HYDRA_ERROR_LIGHT);
     assert_int_equal(hydra_scene_remove_light(world.scene, good), HYDRA_OK);
     TRUTH_RESULT(world.context, hydra_scene_remove_light(world.scene, good), HYDRA_ERROR_HANDLE);
     TRUTH_RESULT(world.context, hydra_scene_update_light(world.scene, good, &desc), HYDRA_ERROR_HANDLE);

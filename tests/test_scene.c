@@ -281,14 +281,43 @@ static void test_instance_material(void **state) {
 
 /* ---------------------------------------------------------------- edits */
 
+static hydra_mesh add_soup(hydra_scene *scene, uint64_t seed, hydra_material material, bool dynamic) {
+    truth_mesh soup = truth_mesh_soup(seed, 50);
+    hydra_mesh_desc desc = truth_mesh_desc(&soup, material);
+    desc.dynamic = dynamic;
+    hydra_mesh mesh = hydra_scene_add_mesh(scene, &desc);
+    truth_mesh_free(&soup);
+    return mesh;
+}
+
+/* Meshes that stand still share one BVH. Catches: one each, or the shared one built again for nothing. */
+static void test_shared_bvh(void **state) {
+    (void)state;
+    static hydra_hit apart[RAYS], together[RAYS];
+    for (int dynamic = 0; dynamic < 2; dynamic++) {
+        truth_world world;
+        truth_open(&world);
+        hydra_material grey = truth_lambert(world.scene, 0.5);
+        for (uint64_t i = 0; i < 3; i++) add_soup(world.scene, i, grey, dynamic != 0);
+        truth_commit(&world);
+        assert_int_equal(info_of(world.scene).meshes_built, dynamic ? 3 : 1);
+        shoot(world.scene, dynamic ? apart : together);
+        truth_commit(&world);
+        assert_int_equal(info_of(world.scene).meshes_built, 0);
+        truth_close(&world);
+    }
+    expect_same_hits(together, apart);
+    for (int i = 0; i < RAYS; i++) assert_int_equal(together[i].mesh, apart[i].mesh);
+}
+
 /* Catches: commits that rebuild everything, or nothing. */
 static void test_edits(void **state) {
     (void)state;
     truth_world world;
     truth_open(&world);
     hydra_material grey = truth_lambert(world.scene, 0.5), none = {0};
-    hydra_mesh a = truth_scene_mesh(world.scene, truth_mesh_soup(1, 50), grey), b = truth_scene_mesh(world.scene, truth_mesh_soup(2, 50), grey);
-    truth_scene_mesh(world.scene, truth_mesh_soup(3, 50), none);
+    hydra_mesh a = add_soup(world.scene, 1, grey, true), b = add_soup(world.scene, 2, grey, true);
+    add_soup(world.scene, 3, none, true);
     truth_commit(&world);
     assert_int_equal(info_of(world.scene).meshes_built, 3);
     assert_int_equal(info_of(world.scene).triangles, 150);
@@ -303,6 +332,7 @@ static void test_edits(void **state) {
     assert_int_equal(info_of(world.scene).emitters, 100);
     truth_mesh other = truth_mesh_soup(4, 70);
     hydra_mesh_desc desc = truth_mesh_desc(&other, none);
+    desc.dynamic = true;
     assert_int_equal(hydra_scene_update_mesh(world.scene, b, &desc), HYDRA_OK);
     truth_mesh_free(&other);
     truth_commit(&world);
@@ -732,7 +762,7 @@ int hydra_test_scene(void) {
         cmocka_unit_test(test_layouts),        cmocka_unit_test(test_hit_fields),
         cmocka_unit_test(test_light_hits),     cmocka_unit_test(test_instances),
         cmocka_unit_test(test_instance_picture), cmocka_unit_test(test_instance_material),
-        cmocka_unit_test(test_edits),          cmocka_unit_test(test_edits_seen),
+        cmocka_unit_test(test_shared_bvh), cmocka_unit_test(test_edits),          cmocka_unit_test(test_edits_seen),
         cmocka_unit_test(test_alpha_mask),     cmocka_unit_test(test_alpha_blend),
         cmocka_unit_test(test_requirements),   cmocka_unit_test(test_estimate),
         cmocka_unit_test(test_empty),          cmocka_unit_test(test_scale_and_place),

@@ -110,13 +110,12 @@ static void test_furnace_depth(void **state) {
 }
 
 /* Catches: irradiance without its factor pi, or points that miss what lies behind their own horizon. The points
-   stand on the walls themselves, as lightmap texels do. */
-static void test_furnace_points(void **state) {
-    (void)state;
+   stand on the walls themselves, as lightmap texels do: walls along the axes, where coordinates are exact, and turned.
+   Also: densities of lights taken at the point when sampled, but at the moved start of the ray when hit. */
+static void furnace_points(truth_pose pose) {
     static const double albedo[3] = {0.5, 0.5, 0.5};
     truth_world world;
     truth_open(&world);
-    truth_pose pose = truth_pose_random(9, 1, 2);
     furnace(world.scene, &pose, albedo, false);
     truth_commit(&world);
     truth_mesh walls = truth_mesh_box(truth_v(0, 0, 0), truth_v(1, 0.7, 1.3), true);
@@ -125,6 +124,15 @@ static void test_furnace_points(void **state) {
     TRUTH_EXPECT("irradiance on the walls of a furnace", e, TRUTH_PI, 0.002, 1e-5);
     truth_mesh_free(&walls);
     truth_close(&world);
+}
+
+static void test_furnace_points(void **state) {
+    (void)state;
+    furnace_points(truth_pose_random(9, 1, 2));
+    furnace_points(truth_pose_identity());
+    truth_pose moved = truth_pose_identity();
+    moved.origin = truth_v(3, -20, 100);
+    furnace_points(moved);
 }
 
 /* ---------------------------------------------------------------- A.2: the white furnace */
@@ -183,7 +191,7 @@ static void white_furnace(const white_case *white) {
     hydra_render *render = truth_render(world.scene, &desc);
     float *rgb = truth_read(render, HYDRA_RADIANCE, 256);
     for (unsigned c = 0; c < 3; c++)
-        TRUTH_EXPECT(white->name, truth_estimate_channel(rgb, 256, c), 1, 0.008, white->slack);
+        TRUTH_EXPECT(white->name, truth_estimate_channel(rgb, 256, c), 1, white->ior > 2 ? 0.03 : 0.008, white->slack);
     bool mirror = white->roughness == 0 && (white->kind == HYDRA_MATERIAL_CONDUCTOR || white->metallic == 1);
     for (int i = 0; mirror && i < 768; i++) TRUTH_NEAR(white->name, (double)rgb[i], 1, 1e-5); /* no chance is involved */
     free(rgb);
@@ -191,7 +199,8 @@ static void white_furnace(const white_case *white) {
     truth_close(&world);
 }
 
-/* Catches: BSDFs that lose or win energy (no compensation at roughness 1: up to 69 %), a wrong pdf, a missing n^2,
+/* The body has flat faces, where light in glass of high index is caught for long: its few long paths weigh much.
+   Catches: BSDFs that lose or win energy (no compensation at roughness 1: up to 69 %), a wrong pdf, a missing n^2,
    roulette on the scaled throughput inside glass. */
 static void test_white_furnace(void **state) {
     (void)state;

@@ -54,11 +54,15 @@ HYK_FN hyk_bsdf_value hyk_eval_pair(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, h
     return hyk_no_value();
 }
 
+HYK_CALLED hyk_bsdf_value hyk_eval_layers(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_vec3 wi, hyk_uint features) {
+    hyk_layers o = hyk_layers_at(view, bsdf, wo.z, features);
+    return hyk_eval_pair(view, bsdf, wo, wi, o, hyk_lobe_shares_of(bsdf, o, features), features);
+}
+
 HYK_FN hyk_bsdf_value hyk_bsdf_eval(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_vec3 wi, hyk_uint features) {
     if (!(wo.z > 0.0f)) return hyk_no_value();
     if (hyk_bsdf_only_lambert(bsdf, features)) return hyk_eval_lambert(bsdf, wi.z);
-    hyk_layers o = hyk_layers_at(view, bsdf, wo.z, features);
-    return hyk_eval_pair(view, bsdf, wo, wi, o, hyk_lobe_shares_of(bsdf, o, features), features);
+    return hyk_eval_layers(view, bsdf, wo, wi, features);
 }
 
 /* ---- sampling */
@@ -192,9 +196,7 @@ HYK_FN hyk_bsdf_sample hyk_sample_lobe(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo
     return hyk_sample_window(view, r, bsdf, wo, o, q.window);
 }
 
-HYK_FN hyk_bsdf_sample hyk_bsdf_sample_direction(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_real u_lobe, hyk_vec2 u, hyk_uint features) {
-    if (!(wo.z > 0.0f)) return hyk_no_sample(u_lobe);
-    if (hyk_bsdf_only_lambert(bsdf, features)) return hyk_sample_lambert(bsdf, u_lobe, u);
+HYK_CALLED hyk_bsdf_sample hyk_sample_layers(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_real u_lobe, hyk_vec2 u, hyk_uint features) {
     hyk_layers o = hyk_layers_at(view, bsdf, wo.z, features);
     hyk_lobe_shares q = hyk_lobe_shares_of(bsdf, o, features);
     if (!(q.total > 0.0f)) return hyk_no_sample(u_lobe);
@@ -206,6 +208,12 @@ HYK_FN hyk_bsdf_sample hyk_bsdf_sample_direction(hyk_view view, hyk_bsdf bsdf, h
     r.diffuse = hyk_scale(value.diffuse, 1.0f / value.pdf);
     r.specular = hyk_scale(value.specular, 1.0f / value.pdf);
     return r;
+}
+
+HYK_FN hyk_bsdf_sample hyk_bsdf_sample_direction(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_real u_lobe, hyk_vec2 u, hyk_uint features) {
+    if (!(wo.z > 0.0f)) return hyk_no_sample(u_lobe);
+    if (hyk_bsdf_only_lambert(bsdf, features)) return hyk_sample_lambert(bsdf, u_lobe, u);
+    return hyk_sample_layers(view, bsdf, wo, u_lobe, u, features);
 }
 
 /* ---- albedo */
@@ -222,7 +230,7 @@ HYK_FN hyk_vec3 hyk_glass_albedo(hyk_bsdf bsdf, hyk_layers o) {
 }
 
 /* Share of the light along wo that is reflected or transmitted (power: without the n^2 of radiance). */
-HYK_FN hyk_vec3 hyk_bsdf_albedo(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_uint features) {
+HYK_CALLED hyk_vec3 hyk_bsdf_albedo(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo, hyk_uint features) {
     if (hyk_bsdf_only_lambert(bsdf, features)) return bsdf.base_color;
     hyk_layers o = hyk_layers_at(view, bsdf, hyk_max(wo.z, 0.0f), features);
     hyk_real rest = hyk_max(o.pass - o.metal_lost - o.schlick, 0.0f);

@@ -2,7 +2,8 @@
 
    GLSL includes this with HYK_GLSL defined. In C, HYK_REAL may be double: the oracle.
    Rules for everything in shaders/shared: hyk_vec3 and friends have no operators, use the functions of
-   vector.h; structs are declared with HYK_STRUCT and ended with HYK_END; functions with HYK_FN; no
+   vector.h; structs are declared with HYK_STRUCT and ended with HYK_END; functions with HYK_FN, or HYK_CALLED where they
+   are so long that C should have one copy of them rather than one in each kernel; no
    pointers, no recursion, no implicit conversions; literals exact in binary carry an f suffix, all
    others go through HYK_C. Conversions: HYK_TO_REAL(x), HYK_TO_UINT(x), HYK_TO_INT(x). */
 #ifndef HYK_LANGUAGE_H
@@ -11,6 +12,7 @@
 #ifdef HYK_GLSL
 
 #define HYK_FN
+#define HYK_CALLED
 #define HYK_STRUCT(name) struct name
 #define HYK_END(name) ;
 #define hyk_real float
@@ -45,8 +47,10 @@
 
 #if defined(__GNUC__) || defined(__clang__)
 #define HYK_FN static inline __attribute__((always_inline, unused))
+#define HYK_CALLED static __attribute__((noinline, unused))
 #else
 #define HYK_FN static inline
+#define HYK_CALLED static
 #endif
 #define HYK_STRUCT(name) typedef struct name
 #define HYK_END(name) name;

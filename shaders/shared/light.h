@@ -237,7 +237,7 @@ HYK_FN hyk_light_sample hyk_sample_sky(hyk_view view, hyk_vec3 n, hyk_bool both_
 
 /* One direction to one light. n: the shading normal, on the viewer's side; both_sides: the surface transmits,
    so that light from behind counts too; u_select chooses the light, u the direction. */
-HYK_FN hyk_light_sample hyk_sample_lights(hyk_view view, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_real u_select, hyk_vec2 u,
+HYK_CALLED hyk_light_sample hyk_sample_lights(hyk_view view, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_real u_select, hyk_vec2 u,
                                           hyk_uint features) {
     hyk_light_groups groups = hyk_choose_light_groups(view, p, n, both_sides, features);
     hyk_light_sample s = hyk_no_light_sample();
@@ -278,7 +278,7 @@ HYK_FN hyk_light_sample hyk_sample_lights(hyk_view view, hyk_vec3 p, hyk_vec3 n,
 
 /* The density with which hyk_sample_lights, given the same p, n and both_sides, would have produced a unit
    direction that hits a RECT, DISC, SPHERE or TRIANGLE light. distance and light_normal describe that hit. */
-HYK_FN hyk_real hyk_pdf_light(hyk_view view, hyk_uint light, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_vec3 direction,
+HYK_CALLED hyk_real hyk_pdf_light(hyk_view view, hyk_uint light, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_vec3 direction,
                               hyk_real distance, hyk_vec3 light_normal, hyk_uint features) {
     if (!hyk_has_finite_lights(view, features) || !(distance > 0.0f)) return 0.0f;
     hyk_light l = HYK_LOAD_LIGHT(view, light);
@@ -290,7 +290,7 @@ HYK_FN hyk_real hyk_pdf_light(hyk_view view, hyk_uint light, hyk_vec3 p, hyk_vec
 }
 
 /* The same for a ray that escapes: which is a sun, or HYK_NONE for the environment. */
-HYK_FN hyk_real hyk_pdf_infinite(hyk_view view, hyk_uint which, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_vec3 direction,
+HYK_CALLED hyk_real hyk_pdf_infinite(hyk_view view, hyk_uint which, hyk_vec3 p, hyk_vec3 n, hyk_bool both_sides, hyk_vec3 direction,
                                  hyk_uint features) {
     if (which == HYK_NONE) {
         if (!hyk_has_environment(view, features)) return 0.0f;

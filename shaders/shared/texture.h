@@ -60,7 +60,7 @@ HYK_FN hyk_real hyk_wrap_coordinate(hyk_real u, hyk_uint mode) {
 }
 
 /* Bilinear lookup at uv in the level nearest to lod (log2 of the footprint in texels of level 0). */
-HYK_FN hyk_rgba hyk_sample_texture(hyk_view view, hyk_uint texture, hyk_vec2 uv, hyk_real lod) {
+HYK_CALLED hyk_rgba hyk_sample_texture(hyk_view view, hyk_uint texture, hyk_vec2 uv, hyk_real lod) {
     hyk_texture t = HYK_LOAD_TEXTURE(view, texture);
     hyk_uint level = HYK_TO_UINT(hyk_clamp(lod + 0.5f, 0.0f, HYK_TO_REAL(t.levels) - 0.5f));
     hyk_uint w = hyk_max_uint(t.width >> level, 1u), h = hyk_max_uint(t.height >> level, 1u);
