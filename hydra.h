@@ -268,7 +268,7 @@ typedef enum hydra_material_kind {
 typedef enum hydra_alpha_mode {
     HYDRA_ALPHA_OPAQUE, /* alpha is ignored */
     HYDRA_ALPHA_MASK,   /* holes where alpha < alpha_cutoff */
-    HYDRA_ALPHA_BLEND   /* alpha is the share of rays that the surface stops */
+    HYDRA_ALPHA_BLEND   /* alpha is the share of rays that the surface stops; which, a hash of the ray decides */
 } hydra_alpha_mode;
 
 typedef struct hydra_material_desc {
@@ -481,8 +481,8 @@ typedef struct hydra_sensor_desc {
     float ortho_height;     /* ORTHOGRAPHIC: height of the image, m; default 2 */
     float shift[2];         /* PINHOLE, THIN_LENS: moves the image window, in image heights */
     hydra_filter filter;
-    /* POINTS: float x, y, z each, same count; width x height of the render must equal the count.
-       Normals need not be unit length. Copied. */
+    /* POINTS: float x, y, z each, same count; width x height of the render must equal the count. A point may lie on
+       its surface, or off it by some 30 roundings of its coordinates. Normals need not be unit length. Copied. */
     hydra_view point_positions, point_normals;
     hydra_lightmap lightmap;
     float lightmap_albedo[3]; /* for HYDRA_LIGHTMAP_RADIOSITY */
@@ -1899,10 +1899,11 @@ HYK_CALLED hyk_rgba hyk_sample_texture(hyk_view view, hyk_uint texture, hyk_vec2
    Sobol dimensions, a (0,2)-sequence, whose order and digits are scrambled by hashes of d (Burley 2020,
    "Practical hash-based Owen scrambling"; the mixing constants are Vegdahl's, 2021). Padding pairs this way keeps
    every pair a net at every power of two.
-   Neighbouring pixels get the same points under a digital shift. The shift is itself a Sobol point, numbered along
-   the Morton curve in scrambled order (after Ahmed & Wonka 2020, "Screen-space blue-noise diffusion of Monte Carlo
-   sampling error via hierarchical ordering of pixels"), so shifts are stratified over each 2x2, 4x4, ... 16x16
-   block; digits below those are random, so that pixels do not repeat each other. */
+   The 16 pixels of a 4x4 block get the same points under digital shifts. The shifts are themselves Sobol points, numbered
+   along the Morton curve in scrambled order (after Ahmed & Wonka 2020, "Screen-space blue-noise diffusion of Monte Carlo
+   sampling error via hierarchical ordering of pixels"), so they are stratified over each 2x2 and the 4x4 pixels, and
+   errors of neighbours cancel; digits below those are random, so that pixels do not repeat each other. Different blocks
+   are scrambled apart: how well one set of points does is then no common fate of the whole picture. */
 #ifndef HYK_SAMPLER_H
 #define HYK_SAMPLER_H
 
@@ -1964,8 +1965,8 @@ HYK_FN hyk_real hyk_unit_real(hyk_uint bits) { return HYK_TO_REAL(bits >> 8) * H
 
 /* Pair d of the sampler's sample, both in [0, 1). */
 HYK_FN hyk_vec2 hyk_sample_pair(hyk_sampler s, hyk_uint d) {
-    hyk_uint key = hyk_hash2(s.seed, d);
-    hyk_uint key_x = hyk_hash(key + 1u), key_y = hyk_hash(key + 2u), key_pixel = hyk_hash(key + 3u);
+    hyk_uint key_pixel = hyk_hash2(s.seed, d), key = hyk_hash2(key_pixel, s.pixel & 0x0fffffffu);
+    hyk_uint key_x = hyk_hash(key + 1u), key_y = hyk_hash(key + 2u);
     hyk_uint order = hyk_reverse_bits(hyk_owen(hyk_reverse_bits(s.index), key));
     hyk_uint x = hyk_reverse_bits(hyk_owen(order, key_x));
     hyk_uint y = hyk_reverse_bits(hyk_owen(hyk_sobol_second(order), key_y));
@@ -2152,6 +2153,7 @@ HYK_FN hyk_real hyk_alpha_threshold(hyk_ray ray, hyk_uint instance, hyk_uint pri
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.origin.x)));
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.origin.y)));
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.origin.z)));
+    h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.t_max)));
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.direction.x)));
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.direction.y)));
     return hyk_unit_real(hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.direction.z))));
@@ -4590,10 +4592,13 @@ HYK_STRUCT(hyk_path) {
     hyk_sampler random;
     hyk_uint bounce;         /* scatterings so far, the point's own included: picks the random numbers */
     hyk_real cone_width, cone_spread;
+    hyk_uint unused3, unused4;
+    hyk_vec3 vertex;         /* where the direction was made: the ray's origin before it was moved off the surface */
     hyk_real eta_scale;      /* product of n^2 ratios, which Russian roulette must not see as loss */
     hyk_uint lane;           /* whose sample it is */
+    hyk_uint unused0, unused1, unused2;
 } HYK_END(hyk_path)
-HYK_SIZE_IS(hyk_path, 112)
+HYK_SIZE_IS(hyk_path, 144)
 
 #define HYK_SCATTER_SHADOW 0x1u     /* shadow ray to be cast */
 #define HYK_SCATTER_CONTINUES 0x2u  /* next is alive */
@@ -4698,12 +4703,12 @@ HYK_FN hyk_scatter hyk_escape(hyk_view view, hyk_path_settings settings, hyk_pat
             hyk_light sun = HYK_LOAD_LIGHT(view, i);
             hyk_vec3 radiance = hyk_sun_radiance(sun, path.ray.direction);
             if (hyk_is_black(radiance) || (seen && (sun.flags & HYK_LIGHT_HIDDEN) != 0u)) continue;
-            hyk_real pdf = path.pdf > 0.0f ? hyk_pdf_infinite(view, i, path.ray.origin, path.normal, both, path.ray.direction, features) : 0.0f;
+            hyk_real pdf = path.pdf > 0.0f ? hyk_pdf_infinite(view, i, path.vertex, path.normal, both, path.ray.direction, features) : 0.0f;
             r = hyk_add_emission(r, settings, path, radiance, pdf);
         }
     }
     if (HYK_HAS(features, HYK_NEEDS_ENVIRONMENT)) {
-        hyk_real pdf = path.pdf > 0.0f ? hyk_pdf_infinite(view, HYK_NONE, path.ray.origin, path.normal, both, path.ray.direction, features) : 0.0f;
+        hyk_real pdf = path.pdf > 0.0f ? hyk_pdf_infinite(view, HYK_NONE, path.vertex, path.normal, both, path.ray.direction, features) : 0.0f;
         r = hyk_add_emission(r, settings, path, hyk_environment_radiance(view, path.ray.direction, features), pdf);
     }
     return r;
@@ -4718,7 +4723,7 @@ HYK_FN hyk_scatter hyk_meet_shape(hyk_view view, hyk_path_settings settings, hyk
     r.emitted_component = hyk_component_of_emission(path.flags);
     hyk_real pdf = 0.0f;
     if (path.pdf > 0.0f && !hyk_is_black(radiance))
-        pdf = hyk_pdf_light(view, hit.primitive, path.ray.origin, path.normal, (path.flags & HYK_PATH_BOTH_SIDES) != 0u,
+        pdf = hyk_pdf_light(view, hit.primitive, path.vertex, path.normal, (path.flags & HYK_PATH_BOTH_SIDES) != 0u,
                             path.ray.direction, hit.t, n, features);
     r = hyk_add_emission(r, settings, path, radiance, pdf);
     if ((path.flags & HYK_PATH_FROM_SENSOR) != 0u) {
@@ -4743,19 +4748,27 @@ HYK_FN hyk_scatter hyk_meet_emitter(hyk_view view, hyk_path_settings settings, h
         hyk_uint slot = hit.primitive;
         if ((HYK_LOAD_MESH(view, placed.mesh).flags & HYK_MESH_LIGHT_SLOTS) != 0u) slot = HYK_LOAD_LIGHT_SLOT(view, placed.mesh, slot);
         if (slot != HYK_NONE)
-            pdf = hyk_pdf_light(view, placed.first_light + slot, path.ray.origin, path.normal, (path.flags & HYK_PATH_BOTH_SIDES) != 0u,
+            pdf = hyk_pdf_light(view, placed.first_light + slot, path.vertex, path.normal, (path.flags & HYK_PATH_BOTH_SIDES) != 0u,
                                 path.ray.direction, hit.t, s.front ? s.geometric : hyk_neg(s.geometric), features);
     }
     return hyk_add_emission(r, settings, path, material.emission, pdf);
 }
 
+/* Alpha that blends asks a hash of the ray (alpha.h), so rays that are the same in all but their sample must differ in
+   something: in how far beyond everything they end, or in the length of a direction that need not be unit. */
+HYK_FN hyk_real hyk_salt(hyk_sampler random, hyk_uint which) { return hyk_unit_real(hyk_hash2(hyk_hash2(random.seed, random.index), random.pixel ^ which)); }
+HYK_FN hyk_real hyk_salted_infinity(hyk_sampler random, hyk_uint which, hyk_uint features) {
+    if (!HYK_HAS(features, HYK_NEEDS_ALPHA)) return HYK_REAL_MAX;
+    return HYK_REAL_MAX * (1.0f - 0.125f * hyk_salt(random, which));
+}
+
 /* From one offset point to a sampled light point, itself moved off its surface; or to infinity. */
-HYK_FN hyk_ray hyk_shadow_ray(hyk_vec3 origin, hyk_light_sample light) {
+HYK_FN hyk_ray hyk_shadow_ray(hyk_vec3 origin, hyk_light_sample light, hyk_path path, hyk_uint features) {
     hyk_ray r;
     r.origin = origin;
     r.t_min = HYK_AFTER_START;
     r.direction = light.direction;
-    r.t_max = HYK_REAL_MAX;
+    r.t_max = hyk_salted_infinity(path.random, path.bounce, features);
     if (light.distance >= HYK_REAL_MAX) return r;
     hyk_vec3 target = light.position;
     if ((light.flags & HYK_SAMPLE_SURFACE) != 0u) {
@@ -4766,6 +4779,10 @@ HYK_FN hyk_ray hyk_shadow_ray(hyk_vec3 origin, hyk_light_sample light) {
     r.direction = hyk_sub(target, origin);
     /* The last 2^-12 of the way is left out: a curved light's surface is known no better near its rim. */
     r.t_max = HYK_C(1.0 - 1.0 / 4096.0);
+    if (!HYK_HAS(features, HYK_NEEDS_ALPHA)) return r;
+    hyk_real longer = 1.0f + hyk_salt(path.random, path.bounce);
+    r.direction = hyk_scale(r.direction, longer);
+    r.t_max = r.t_max / longer;
     return r;
 }
 
@@ -4795,15 +4812,16 @@ HYK_FN hyk_scatter hyk_sample_direct(hyk_view view, hyk_path_settings settings, 
     }
     if (hyk_is_black(r.diffuse) && hyk_is_black(r.specular) && hyk_is_black(r.light_irradiance)) return r;
     hyk_vec3 n = side > 0.0f ? s.geometric : hyk_neg(s.geometric);
-    r.shadow = hyk_shadow_ray(hyk_offset_point(s.position, n, s.error), light);
+    r.shadow = hyk_shadow_ray(hyk_offset_point(s.position, n, s.error), light, path, features);
     r.flags |= HYK_SCATTER_SHADOW;
     return r;
 }
 
-/* Probability of going on: the share of light the path still carries. Not before the fourth vertex, never quite 1. */
+/* Probability of going on: the share of light the path still carries. Not before the fourth vertex; and below 1 from the
+   64th on, so that light in a lossless trap ends too. Not earlier: weights that grow while nothing is lost are noise. */
 HYK_FN hyk_real hyk_survival(hyk_path path) {
     if (path.bounce < 4u) return 1.0f;
-    return hyk_clamp(hyk_max3(path.throughput) * path.eta_scale, HYK_C(0.02), HYK_C(0.97));
+    return hyk_clamp(hyk_max3(path.throughput) * path.eta_scale, HYK_C(0.02), path.bounce < 64u ? 1.0f : HYK_C(0.97));
 }
 
 /* The part of a sampled scattering that is followed. The whole of it, unless components are told apart: then either the
@@ -4862,6 +4880,7 @@ HYK_FN hyk_scatter hyk_sample_next(hyk_view view, hyk_path_settings settings, hy
     next.bounce = path.bounce + 1u;
     next.pdf = (sampled.flags & HYK_LOBE_DELTA) != 0u ? 0.0f : sampled.pdf;
     next.normal = s.shading;
+    next.vertex = s.position;
     if ((settings.wants & HYK_WANTS_IRRADIANCE) != 0u) next = hyk_follow_irradiance(next, path, bsdf, sampled);
     if (HYK_HAS(features, HYK_NEEDS_TRANSMISSION) && (sampled.flags & HYK_LOBE_TRANSMIT) != 0u && (material.flags & HYK_MATERIAL_THIN) == 0u)
         next.eta_scale = path.eta_scale * (s.front ? hyk_square(material.ior) : 1.0f / hyk_square(material.ior));
@@ -4874,7 +4893,7 @@ HYK_FN hyk_scatter hyk_sample_next(hyk_view view, hyk_path_settings settings, hy
     next.ray.origin = hyk_offset_point(s.position, side > 0.0f ? s.geometric : hyk_neg(s.geometric), s.error);
     next.ray.direction = direction;
     next.ray.t_min = HYK_AFTER_START;
-    next.ray.t_max = HYK_REAL_MAX;
+    next.ray.t_max = hyk_salted_infinity(path.random, next.bounce, features);
     r.next = next;
     r.flags |= HYK_SCATTER_CONTINUES;
     return r;
@@ -4928,6 +4947,12 @@ HYK_FN hyk_path hyk_begin_path(hyk_ray ray, hyk_sampler random, hyk_uint lane, h
     p.throughput = hyk_splat(1.0f);
     p.pdf = 0.0f;
     p.normal = ray.direction;
+    p.vertex = ray.origin;
+    p.unused0 = 0u;
+    p.unused1 = 0u;
+    p.unused2 = 0u;
+    p.unused3 = 0u;
+    p.unused4 = 0u;
     p.flags = HYK_PATH_FROM_SENSOR;
     p.irradiance = hyk_splat(1.0f);
     p.depth_left = max_depth;
@@ -4940,13 +4965,13 @@ HYK_FN hyk_path hyk_begin_path(hyk_ray ray, hyk_sampler random, hyk_uint lane, h
     return p;
 }
 
-/* The first vertex of a path from a sensor's point: white Lambert, so that radiance is irradiance over pi.
-   error: how far the point may be behind the surface it is meant to lie on. */
-HYK_FN hyk_scatter hyk_shade_point(hyk_view view, hyk_path_settings settings, hyk_path path, hyk_vec3 position, hyk_vec3 normal, hyk_real error,
+/* The first vertex of a path from a sensor's point: white Lambert, so that radiance is irradiance over pi. The point is the
+   caller's, rounded in ways unknown: 32 roundings of its coordinates are allowed for. */
+HYK_FN hyk_scatter hyk_shade_point(hyk_view view, hyk_path_settings settings, hyk_path path, hyk_vec3 position, hyk_vec3 normal,
                                    hyk_uint features) {
     hyk_surface s;
     s.position = position;
-    s.error = error;
+    s.error = hyk_gamma(32.0f) * hyk_dot(hyk_abs3(normal), hyk_abs3(position));
     s.geometric = normal;
     s.shading = normal;
     s.uv = hyk_make2(0.0f, 0.0f);
@@ -8736,6 +8761,8 @@ HYI_FN hydra_result hyi_check_light_unit(hydra_context *context, const hydra_lig
     return HYDRA_OK;
 }
 
+HYI_FN double hyi_cone_outer(const hydra_light_desc *d) { return d->cone_outer != 0.0f ? (double)d->cone_outer : 0.25 * HYI_PI; }
+
 HYI_FN hydra_result hyi_check_light(hydra_context *context, const hydra_light_desc *d) {
     HYI_TRY(hyi_check_light_unit(context, d));
     HYI_TRY(hyi_check_color(context, d->color, FLT_MAX, "light.color"));
@@ -8748,8 +8775,8 @@ HYI_FN hydra_result hyi_check_light(hydra_context *context, const hydra_light_de
         return hyi_fail(context, HYDRA_ERROR_LIGHT, "light.radius is %g", (double)d->radius);
     HYI_TRY(hyi_check_range(context, d->cone_outer, 0.0f, 3.1415927f, HYDRA_ERROR_LIGHT, "light.cone_outer"));
     HYI_TRY(hyi_check_range(context, d->cone_inner, 0.0f, 3.1415927f, HYDRA_ERROR_LIGHT, "light.cone_inner"));
-    if (d->cone_outer != 0.0f && d->cone_inner > d->cone_outer)
-        return hyi_fail(context, HYDRA_ERROR_LIGHT, "light.cone_inner %g is wider than cone_outer %g", (double)d->cone_inner, (double)d->cone_outer);
+    if ((double)d->cone_inner > hyi_cone_outer(d))
+        return hyi_fail(context, HYDRA_ERROR_LIGHT, "light.cone_inner %g is wider than cone_outer %g", (double)d->cone_inner, hyi_cone_outer(d));
     return hyi_check_range(context, d->angular_radius, 0.0f, 1.5707f, HYDRA_ERROR_LIGHT, "light.angular_radius");
 }
 
@@ -8784,7 +8811,7 @@ HYI_FN void hyi_fill_round(const hydra_light_desc *d, hyk_light *light, float *s
 
 /* The falloff between the cones integrates to half their difference in cosine (light.h). */
 HYI_FN void hyi_fill_spot(const hydra_light_desc *d, hyk_light *light, float *scale) {
-    double outer = d->cone_outer != 0.0f ? (double)d->cone_outer : 0.785398163;
+    double outer = hyi_cone_outer(d);
     double inner = d->cone_inner != 0.0f ? (double)d->cone_inner : 0.9 * outer;
     light->cos_outer = (float)cos(outer);
     light->cos_inner = (float)cos(inner);
@@ -9642,7 +9669,6 @@ typedef struct hyi_picture {
     hyk_camera camera;
     const float *point_positions, *point_normals; /* POINTS: 3 floats each; width x height of them */
     const hydra_ray *rays;                        /* RAYS */
-    float point_error;                            /* POINTS: how far a point may be off its surface */
     uint32_t max_depth;
     uint32_t seed_of_half[2];
     uint32_t features; /* of the scene */
@@ -9837,7 +9863,7 @@ HYI_FN void hyi_scatter_point(const hyi_picture *picture, hyi_batch *batch, hyk_
     const float *p = picture->point_positions + (size_t)3 * point, *n = picture->point_normals + (size_t)3 * point;
     hyk_vec3 position = hyk_make3(p[0], p[1], p[2]), normal = hyk_make3(n[0], n[1], n[2]);
     const uint32_t features = HYI_FEATURES_OUTDOOR; /* a white Lambert surface under any light, textured emitters too */
-    hyk_scatter r = hyk_shade_point(picture->view, picture->settings, path, position, normal, picture->point_error, features | HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA);
+    hyk_scatter r = hyk_shade_point(picture->view, picture->settings, path, position, normal, features | HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA);
     hyi_keep_scatter(batch, &r, path.lane, (picture->settings.wants & HYK_WANTS_COMPONENTS) != 0);
 }
 
@@ -9861,6 +9887,7 @@ HYI_FN void hyi_generate_lane(const hyi_picture *picture, hyi_batch *batch, uint
         return;
     }
     hyk_ray ray = hyi_sensor_ray(picture, x, y, random);
+    if (ray.t_max >= FLT_MAX) ray.t_max = hyk_salted_infinity(random, HYK_NONE, picture->features);
     batch->paths[batch->paths_alive] = hyk_begin_path(ray, random, lane, picture->max_depth, camera->start_width, camera->spread);
     batch->rays[batch->paths_alive++] = ray;
 }
@@ -10781,8 +10808,6 @@ HYI_FN void hyi_fill_picture(hydra_render *r) {
     p->point_normals = r->sensor.normals;
     p->rays = r->sensor.rays;
     const hyk_scene_constants *constants = &r->scene->view.constants;
-    /* points are the caller's, rounded in ways unknown: 64 roundings at the scene's scale */
-    p->point_error = 64.0f * HYK_REAL_EPSILON * (hyk_max3(hyk_abs3(constants->center)) + constants->radius);
     p->max_depth = r->desc.max_depth;
     p->seed_of_half[0] = hyk_hash2(r->desc.seed, 0x68616c66u);
     p->seed_of_half[1] = hyk_hash2(r->desc.seed, 0x6f746872u);
@@ -11117,44 +11142,58 @@ HYI_FN bool hyi_is_heavy(const hyi_film *film, size_t index) {
 
 typedef struct hyi_error_sums {
     double brightness;
-    double ratio, ratio_square; /* of blocks: mean over pixels of (a - b)^2 / 4 / max(mean, L / 10)^2, as a sum and squared */
-    double blocks, pixels;
+    double square;                   /* sum over pixels of variance / max(mean, L / 10)^2 */
+    double cells, cell, cell_square; /* of the same from (a - b)^2 / 4 alone, summed by cell: their number, sum, sum of squares */
+    double pixels;
     uint64_t heavy, dropped;
 } hyi_error_sums;
 
+/* Pixels that share their points (sampler.h) form a cell: 4x4, in a list 4x1. Cells are independent. */
+HYI_FN uint32_t hyi_cell_of(const hyi_block *block, uint32_t i) {
+    uint32_t x = block->left + i % block->columns, y = block->top + i / block->columns;
+    return (x / 4) % 16 | ((y / 4) % 2) << 4;
+}
+
 HYI_FN void hyi_add_block_error(void *argument, const hyi_film *film, const hyi_block *block) {
     hyi_error_sums *sums = (hyi_error_sums *)argument;
-    double sum = 0.0;
+    double cells[32] = { 0.0 };
+    bool seen[32] = { false };
     for (uint32_t i = 0; i < block->count; i++) {
         const hyi_block_pixel *p = &block->pixels[i];
-        double scale = fmax(p->luminance, HYI_DARK_SHARE * sums->brightness);
-        double variance = block->luminance_scale > 0.0 ? block->luminance_scale * hyi_smoothed_scatter(film, block, p) : p->luminance_half_square;
-        if (scale > 0.0) sum += variance / (scale * scale);
+        double scale = fmax(p->luminance, HYI_DARK_SHARE * sums->brightness), weight = scale > 0.0 ? 1.0 / (scale * scale) : 0.0;
+        bool scattered = block->luminance_scale > 0.0;
+        sums->square += weight * (scattered ? block->luminance_scale * hyi_smoothed_scatter(film, block, p) : p->luminance_half_square);
+        cells[hyi_cell_of(block, i)] += weight * p->luminance_half_square;
+        seen[hyi_cell_of(block, i)] = true;
         sums->heavy += hyi_is_heavy(film, p->index) ? 1u : 0u;
         sums->dropped += film->pixels[p->index].dropped;
     }
-    sums->ratio += sum;
-    sums->ratio_square += sum * sum;
-    sums->blocks += 1.0;
+    for (int c = 0; c < 32; c++) {
+        if (!seen[c]) continue;
+        sums->cells += 1.0;
+        sums->cell += cells[c];
+        sums->cell_square += cells[c] * cells[c];
+    }
     sums->pixels += (double)block->count;
 }
 
-/* The squared error is a sum over blocks that hardly depend on each other; its own scatter over the blocks gives the
-   interval: of the estimate, and once more as much for the real squared error, which scatters about its mean alike. */
+/* Standard deviation of the squared error's estimate. The cells' own scatter gives it, where there are many; it is never
+   taken below what 4 independent normal pixels a cell would give. */
+HYI_FN double hyi_error_spread(const hyi_error_sums *s, double square) {
+    double least = square * sqrt(2.0 / (4.0 * s->cells));
+    if (s->cells < 1.5) return least;
+    double mean = s->cell / s->cells, variance = fmax(s->cell_square / s->cells - mean * mean, 0.0) / (s->cells - 1.0);
+    return fmax(sqrt(variance) * s->cells / s->pixels, least);
+}
+
+/* The interval is for the real error of this picture: its square scatters about its mean as much as the estimate does. */
 HYI_FN void hyi_make_report(hydra_render *r) {
     double start = hyi_seconds();
-    const hyi_film *film = &r->film;
     hyi_error_sums sums;
     memset(&sums, 0, sizeof sums);
-    sums.brightness = hyi_brightness(film);
-    hyi_each_block(film, hyi_add_block_error, &sums);
-    double square = sums.ratio / sums.pixels, spread = square * sqrt(2.0 / fmin(sums.pixels, 64.0));
-    if (sums.blocks > 1.5) {
-        double mean = sums.ratio / sums.blocks;
-        spread = sqrt(fmax(sums.ratio_square / sums.blocks - mean * mean, 0.0) / (sums.blocks - 1.0)) * sums.blocks / sums.pixels;
-        spread = fmax(spread, square * sqrt(2.0 / sums.pixels)); /* no less than that of independent normal pixels */
-    }
-    double reach = 1.96 * sqrt(2.0) * spread;
+    sums.brightness = hyi_brightness(&r->film);
+    hyi_each_block(&r->film, hyi_add_block_error, &sums);
+    double square = sums.square / sums.pixels, reach = 1.96 * sqrt(2.0) * hyi_error_spread(&sums, square);
     r->report.error = sqrt(square);
     r->report.low = sqrt(fmax(square - reach, 0.0));
     r->report.high = sqrt(square + reach);

@@ -266,7 +266,7 @@ typedef enum hydra_material_kind {
 typedef enum hydra_alpha_mode {
     HYDRA_ALPHA_OPAQUE, /* alpha is ignored */
     HYDRA_ALPHA_MASK,   /* holes where alpha < alpha_cutoff */
-    HYDRA_ALPHA_BLEND   /* alpha is the share of rays that the surface stops */
+    HYDRA_ALPHA_BLEND   /* alpha is the share of rays that the surface stops; which, a hash of the ray decides */
 } hydra_alpha_mode;
 
 typedef struct hydra_material_desc {
@@ -479,8 +479,8 @@ typedef struct hydra_sensor_desc {
     float ortho_height;     /* ORTHOGRAPHIC: height of the image, m; default 2 */
     float shift[2];         /* PINHOLE, THIN_LENS: moves the image window, in image heights */
     hydra_filter filter;
-    /* POINTS: float x, y, z each, same count; width x height of the render must equal the count.
-       Normals need not be unit length. Copied. */
+    /* POINTS: float x, y, z each, same count; width x height of the render must equal the count. A point may lie on
+       its surface, or off it by some 30 roundings of its coordinates. Normals need not be unit length. Copied. */
     hydra_view point_positions, point_normals;
     hydra_lightmap lightmap;
     float lightmap_albedo[3]; /* for HYDRA_LIGHTMAP_RADIOSITY */

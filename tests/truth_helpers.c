@@ -308,7 +308,7 @@ uint32_t truth_samples(uint32_t samples) {
     return less < 2 ? 2 : less;
 }
 uint32_t truth_seeds(uint32_t seeds) { return ht_quick() ? (seeds + 4) / 5 : seeds; }
-double truth_bound(double bound) { return ht_quick() ? bound * 2.6 : bound; } /* sqrt(5), and the rounding of samples */
+double truth_bound(double bound) { return ht_quick() ? bound * 4 : bound; } /* a fifth of the samples, with errors up to N^-0.85 */
 
 /* ---------------------------------------------------------------- renders */
 

@@ -85,7 +85,7 @@ void truth_open_with(truth_world *world, const hydra_context_desc *desc);
 void truth_commit(truth_world *world);
 void truth_close(truth_world *world);
 
-/* ---- quick mode: HYDRA_TEST_QUICK=1 takes a fifth of the samples and widens error bounds by sqrt(5) */
+/* ---- quick mode: HYDRA_TEST_QUICK=1 takes a fifth of the samples and widens error bounds by 4 */
 
 uint32_t truth_samples(uint32_t samples); /* even */
 uint32_t truth_seeds(uint32_t seeds);

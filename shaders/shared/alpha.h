@@ -37,6 +37,7 @@ HYK_FN hyk_real hyk_alpha_threshold(hyk_ray ray, hyk_uint instance, hyk_uint pri
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.origin.x)));
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.origin.y)));
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.origin.z)));
+    h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.t_max)));
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.direction.x)));
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.direction.y)));
     return hyk_unit_real(hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.direction.z))));

@@ -46,10 +46,13 @@ HYK_STRUCT(hyk_path) {
     hyk_sampler random;
     hyk_uint bounce;         /* scatterings so far, the point's own included: picks the random numbers */
     hyk_real cone_width, cone_spread;
+    hyk_uint unused3, unused4;
+    hyk_vec3 vertex;         /* where the direction was made: the ray's origin before it was moved off the surface */
     hyk_real eta_scale;      /* product of n^2 ratios, which Russian roulette must not see as loss */
     hyk_uint lane;           /* whose sample it is */
+    hyk_uint unused0, unused1, unused2;
 } HYK_END(hyk_path)
-HYK_SIZE_IS(hyk_path, 112)
+HYK_SIZE_IS(hyk_path, 144)
 
 #define HYK_SCATTER_SHADOW 0x1u     /* shadow ray to be cast */
 #define HYK_SCATTER_CONTINUES 0x2u  /* next is alive */
@@ -154,12 +157,12 @@ HYK_FN hyk_scatter hyk_escape(hyk_view view, hyk_path_settings settings, hyk_pat
             hyk_light sun = HYK_LOAD_LIGHT(view, i);
             hyk_vec3 radiance = hyk_sun_radiance(sun, path.ray.direction);
             if (hyk_is_black(radiance) || (seen && (sun.flags & HYK_LIGHT_HIDDEN) != 0u)) continue;
-            hyk_real pdf = path.pdf > 0.0f ? hyk_pdf_infinite(view, i, path.ray.origin, path.normal, both, path.ray.direction, features) : 0.0f;
+            hyk_real pdf = path.pdf > 0.0f ? hyk_pdf_infinite(view, i, path.vertex, path.normal, both, path.ray.direction, features) : 0.0f;
             r = hyk_add_emission(r, settings, path, radiance, pdf);
         }
     }
     if (HYK_HAS(features, HYK_NEEDS_ENVIRONMENT)) {
-        hyk_real pdf = path.pdf > 0.0f ? hyk_pdf_infinite(view, HYK_NONE, path.ray.origin, path.normal, both, path.ray.direction, features) : 0.0f;
+        hyk_real pdf = path.pdf > 0.0f ? hyk_pdf_infinite(view, HYK_NONE, path.vertex, path.normal, both, path.ray.direction, features) : 0.0f;
         r = hyk_add_emission(r, settings, path, hyk_environment_radiance(view, path.ray.direction, features), pdf);
     }
     return r;
@@ -174,7 +177,7 @@ HYK_FN hyk_scatter hyk_meet_shape(hyk_view view, hyk_path_settings settings, hyk
     r.emitted_component = hyk_component_of_emission(path.flags);
     hyk_real pdf = 0.0f;
     if (path.pdf > 0.0f && !hyk_is_black(radiance))
-        pdf = hyk_pdf_light(view, hit.primitive, path.ray.origin, path.normal, (path.flags & HYK_PATH_BOTH_SIDES) != 0u,
+        pdf = hyk_pdf_light(view, hit.primitive, path.vertex, path.normal, (path.flags & HYK_PATH_BOTH_SIDES) != 0u,
                             path.ray.direction, hit.t, n, features);
     r = hyk_add_emission(r, settings, path, radiance, pdf);
     if ((path.flags & HYK_PATH_FROM_SENSOR) != 0u) {
@@ -199,19 +202,27 @@ HYK_FN hyk_scatter hyk_meet_emitter(hyk_view view, hyk_path_settings settings, h
         hyk_uint slot = hit.primitive;
         if ((HYK_LOAD_MESH(view, placed.mesh).flags & HYK_MESH_LIGHT_SLOTS) != 0u) slot = HYK_LOAD_LIGHT_SLOT(view, placed.mesh, slot);
         if (slot != HYK_NONE)
-            pdf = hyk_pdf_light(view, placed.first_light + slot, path.ray.origin, path.normal, (path.flags & HYK_PATH_BOTH_SIDES) != 0u,
+            pdf = hyk_pdf_light(view, placed.first_light + slot, path.vertex, path.normal, (path.flags & HYK_PATH_BOTH_SIDES) != 0u,
                                 path.ray.direction, hit.t, s.front ? s.geometric : hyk_neg(s.geometric), features);
     }
     return hyk_add_emission(r, settings, path, material.emission, pdf);
 }
 
+/* Alpha that blends asks a hash of the ray (alpha.h), so rays that are the same in all but their sample must differ in
+   something: in how far beyond everything they end, or in the length of a direction that need not be unit. */
+HYK_FN hyk_real hyk_salt(hyk_sampler random, hyk_uint which) { return hyk_unit_real(hyk_hash2(hyk_hash2(random.seed, random.index), random.pixel ^ which)); }
+HYK_FN hyk_real hyk_salted_infinity(hyk_sampler random, hyk_uint which, hyk_uint features) {
+    if (!HYK_HAS(features, HYK_NEEDS_ALPHA)) return HYK_REAL_MAX;
+    return HYK_REAL_MAX * (1.0f - 0.125f * hyk_salt(random, which));
+}
+
 /* From one offset point to a sampled light point, itself moved off its surface; or to infinity. */
-HYK_FN hyk_ray hyk_shadow_ray(hyk_vec3 origin, hyk_light_sample light) {
+HYK_FN hyk_ray hyk_shadow_ray(hyk_vec3 origin, hyk_light_sample light, hyk_path path, hyk_uint features) {
     hyk_ray r;
     r.origin = origin;
     r.t_min = HYK_AFTER_START;
     r.direction = light.direction;
-    r.t_max = HYK_REAL_MAX;
+    r.t_max = hyk_salted_infinity(path.random, path.bounce, features);
     if (light.distance >= HYK_REAL_MAX) return r;
     hyk_vec3 target = light.position;
     if ((light.flags & HYK_SAMPLE_SURFACE) != 0u) {
@@ -222,6 +233,10 @@ HYK_FN hyk_ray hyk_shadow_ray(hyk_vec3 origin, hyk_light_sample light) {
     r.direction = hyk_sub(target, origin);
     /* The last 2^-12 of the way is left out: a curved light's surface is known no better near its rim. */
     r.t_max = HYK_C(1.0 - 1.0 / 4096.0);
+    if (!HYK_HAS(features, HYK_NEEDS_ALPHA)) return r;
+    hyk_real longer = 1.0f + hyk_salt(path.random, path.bounce);
+    r.direction = hyk_scale(r.direction, longer);
+    r.t_max = r.t_max / longer;
     return r;
 }
 
@@ -251,15 +266,16 @@ HYK_FN hyk_scatter hyk_sample_direct(hyk_view view, hyk_path_settings settings, 
     }
     if (hyk_is_black(r.diffuse) && hyk_is_black(r.specular) && hyk_is_black(r.light_irradiance)) return r;
     hyk_vec3 n = side > 0.0f ? s.geometric : hyk_neg(s.geometric);
-    r.shadow = hyk_shadow_ray(hyk_offset_point(s.position, n, s.error), light);
+    r.shadow = hyk_shadow_ray(hyk_offset_point(s.position, n, s.error), light, path, features);
     r.flags |= HYK_SCATTER_SHADOW;
     return r;
 }
 
-/* Probability of going on: the share of light the path still carries. Not before the fourth vertex, never quite 1. */
+/* Probability of going on: the share of light the path still carries. Not before the fourth vertex; and below 1 from the
+   64th on, so that light in a lossless trap ends too. Not earlier: weights that grow while nothing is lost are noise. */
 HYK_FN hyk_real hyk_survival(hyk_path path) {
     if (path.bounce < 4u) return 1.0f;
-    return hyk_clamp(hyk_max3(path.throughput) * path.eta_scale, HYK_C(0.02), HYK_C(0.97));
+    return hyk_clamp(hyk_max3(path.throughput) * path.eta_scale, HYK_C(0.02), path.bounce < 64u ? 1.0f : HYK_C(0.97));
 }
 
 /* The part of a sampled scattering that is followed. The whole of it, unless components are told apart: then either the
@@ -318,6 +334,7 @@ HYK_FN hyk_scatter hyk_sample_next(hyk_view view, hyk_path_settings settings, hy
     next.bounce = path.bounce + 1u;
     next.pdf = (sampled.flags & HYK_LOBE_DELTA) != 0u ? 0.0f : sampled.pdf;
     next.normal = s.shading;
+    next.vertex = s.position;
     if ((settings.wants & HYK_WANTS_IRRADIANCE) != 0u) next = hyk_follow_irradiance(next, path, bsdf, sampled);
     if (HYK_HAS(features, HYK_NEEDS_TRANSMISSION) && (sampled.flags & HYK_LOBE_TRANSMIT) != 0u && (material.flags & HYK_MATERIAL_THIN) == 0u)
         next.eta_scale = path.eta_scale * (s.front ? hyk_square(material.ior) : 1.0f / hyk_square(material.ior));
@@ -330,7 +347,7 @@ HYK_FN hyk_scatter hyk_sample_next(hyk_view view, hyk_path_settings settings, hy
     next.ray.origin = hyk_offset_point(s.position, side > 0.0f ? s.geometric : hyk_neg(s.geometric), s.error);
     next.ray.direction = direction;
     next.ray.t_min = HYK_AFTER_START;
-    next.ray.t_max = HYK_REAL_MAX;
+    next.ray.t_max = hyk_salted_infinity(path.random, next.bounce, features);
     r.next = next;
     r.flags |= HYK_SCATTER_CONTINUES;
     return r;
@@ -384,6 +401,12 @@ HYK_FN hyk_path hyk_begin_path(hyk_ray ray, hyk_sampler random, hyk_uint lane, h
     p.throughput = hyk_splat(1.0f);
     p.pdf = 0.0f;
     p.normal = ray.direction;
+    p.vertex = ray.origin;
+    p.unused0 = 0u;
+    p.unused1 = 0u;
+    p.unused2 = 0u;
+    p.unused3 = 0u;
+    p.unused4 = 0u;
     p.flags = HYK_PATH_FROM_SENSOR;
     p.irradiance = hyk_splat(1.0f);
     p.depth_left = max_depth;
@@ -396,13 +419,13 @@ HYK_FN hyk_path hyk_begin_path(hyk_ray ray, hyk_sampler random, hyk_uint lane, h
     return p;
 }
 
-/* The first vertex of a path from a sensor's point: white Lambert, so that radiance is irradiance over pi.
-   error: how far the point may be behind the surface it is meant to lie on. */
-HYK_FN hyk_scatter hyk_shade_point(hyk_view view, hyk_path_settings settings, hyk_path path, hyk_vec3 position, hyk_vec3 normal, hyk_real error,
+/* The first vertex of a path from a sensor's point: white Lambert, so that radiance is irradiance over pi. The point is the
+   caller's, rounded in ways unknown: 32 roundings of its coordinates are allowed for. */
+HYK_FN hyk_scatter hyk_shade_point(hyk_view view, hyk_path_settings settings, hyk_path path, hyk_vec3 position, hyk_vec3 normal,
                                    hyk_uint features) {
     hyk_surface s;
     s.position = position;
-    s.error = error;
+    s.error = hyk_gamma(32.0f) * hyk_dot(hyk_abs3(normal), hyk_abs3(position));
     s.geometric = normal;
     s.shading = normal;
     s.uv = hyk_make2(0.0f, 0.0f);

@@ -4,10 +4,11 @@
    Sobol dimensions, a (0,2)-sequence, whose order and digits are scrambled by hashes of d (Burley 2020,
    "Practical hash-based Owen scrambling"; the mixing constants are Vegdahl's, 2021). Padding pairs this way keeps
    every pair a net at every power of two.
-   Neighbouring pixels get the same points under a digital shift. The shift is itself a Sobol point, numbered along
-   the Morton curve in scrambled order (after Ahmed & Wonka 2020, "Screen-space blue-noise diffusion of Monte Carlo
-   sampling error via hierarchical ordering of pixels"), so shifts are stratified over each 2x2, 4x4, ... 16x16
-   block; digits below those are random, so that pixels do not repeat each other. */
+   The 16 pixels of a 4x4 block get the same points under digital shifts. The shifts are themselves Sobol points, numbered
+   along the Morton curve in scrambled order (after Ahmed & Wonka 2020, "Screen-space blue-noise diffusion of Monte Carlo
+   sampling error via hierarchical ordering of pixels"), so they are stratified over each 2x2 and the 4x4 pixels, and
+   errors of neighbours cancel; digits below those are random, so that pixels do not repeat each other. Different blocks
+   are scrambled apart: how well one set of points does is then no common fate of the whole picture. */
 #ifndef HYK_SAMPLER_H
 #define HYK_SAMPLER_H
 
@@ -71,8 +72,8 @@ HYK_FN hyk_real hyk_unit_real(hyk_uint bits) { return HYK_TO_REAL(bits >> 8) * H
 
 /* Pair d of the sampler's sample, both in [0, 1). */
 HYK_FN hyk_vec2 hyk_sample_pair(hyk_sampler s, hyk_uint d) {
-    hyk_uint key = hyk_hash2(s.seed, d);
-    hyk_uint key_x = hyk_hash(key + 1u), key_y = hyk_hash(key + 2u), key_pixel = hyk_hash(key + 3u);
+    hyk_uint key_pixel = hyk_hash2(s.seed, d), key = hyk_hash2(key_pixel, s.pixel & 0x0fffffffu);
+    hyk_uint key_x = hyk_hash(key + 1u), key_y = hyk_hash(key + 2u);
     hyk_uint order = hyk_reverse_bits(hyk_owen(hyk_reverse_bits(s.index), key));
     hyk_uint x = hyk_reverse_bits(hyk_owen(order, key_x));
     hyk_uint y = hyk_reverse_bits(hyk_owen(hyk_sobol_second(order), key_y));

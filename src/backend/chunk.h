@@ -16,7 +16,6 @@ typedef struct hyi_picture {
     hyk_camera camera;
     const float *point_positions, *point_normals; /* POINTS: 3 floats each; width x height of them */
     const hydra_ray *rays;                        /* RAYS */
-    float point_error;                            /* POINTS: how far a point may be off its surface */
     uint32_t max_depth;
     uint32_t seed_of_half[2];
     uint32_t features; /* of the scene */

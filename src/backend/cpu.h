@@ -159,7 +159,7 @@ HYI_FN void hyi_scatter_point(const hyi_picture *picture, hyi_batch *batch, hyk_
     const float *p = picture->point_positions + (size_t)3 * point, *n = picture->point_normals + (size_t)3 * point;
     hyk_vec3 position = hyk_make3(p[0], p[1], p[2]), normal = hyk_make3(n[0], n[1], n[2]);
     const uint32_t features = HYI_FEATURES_OUTDOOR; /* a white Lambert surface under any light, textured emitters too */
-    hyk_scatter r = hyk_shade_point(picture->view, picture->settings, path, position, normal, picture->point_error, features | HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA);
+    hyk_scatter r = hyk_shade_point(picture->view, picture->settings, path, position, normal, features | HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA);
     hyi_keep_scatter(batch, &r, path.lane, (picture->settings.wants & HYK_WANTS_COMPONENTS) != 0);
 }
 
@@ -183,6 +183,7 @@ HYI_FN void hyi_generate_lane(const hyi_picture *picture, hyi_batch *batch, uint
         return;
     }
     hyk_ray ray = hyi_sensor_ray(picture, x, y, random);
+    if (ray.t_max >= FLT_MAX) ray.t_max = hyk_salted_infinity(random, HYK_NONE, picture->features);
     batch->paths[batch->paths_alive] = hyk_begin_path(ray, random, lane, picture->max_depth, camera->start_width, camera->spread);
     batch->rays[batch->paths_alive++] = ray;
 }

@@ -133,8 +133,6 @@ HYI_FN void hyi_fill_picture(hydra_render *r) {
     p->point_normals = r->sensor.normals;
     p->rays = r->sensor.rays;
     const hyk_scene_constants *constants = &r->scene->view.constants;
-    /* points are the caller's, rounded in ways unknown: 64 roundings at the scene's scale */
-    p->point_error = 64.0f * HYK_REAL_EPSILON * (hyk_max3(hyk_abs3(constants->center)) + constants->radius);
     p->max_depth = r->desc.max_depth;
     p->seed_of_half[0] = hyk_hash2(r->desc.seed, 0x68616c66u);
     p->seed_of_half[1] = hyk_hash2(r->desc.seed, 0x6f746872u);

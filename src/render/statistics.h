@@ -122,44 +122,58 @@ HYI_FN bool hyi_is_heavy(const hyi_film *film, size_t index) {
 
 typedef struct hyi_error_sums {
     double brightness;
-    double ratio, ratio_square; /* of blocks: mean over pixels of (a - b)^2 / 4 / max(mean, L / 10)^2, as a sum and squared */
-    double blocks, pixels;
+    double square;                   /* sum over pixels of variance / max(mean, L / 10)^2 */
+    double cells, cell, cell_square; /* of the same from (a - b)^2 / 4 alone, summed by cell: their number, sum, sum of squares */
+    double pixels;
     uint64_t heavy, dropped;
 } hyi_error_sums;
 
+/* Pixels that share their points (sampler.h) form a cell: 4x4, in a list 4x1. Cells are independent. */
+HYI_FN uint32_t hyi_cell_of(const hyi_block *block, uint32_t i) {
+    uint32_t x = block->left + i % block->columns, y = block->top + i / block->columns;
+    return (x / 4) % 16 | ((y / 4) % 2) << 4;
+}
+
 HYI_FN void hyi_add_block_error(void *argument, const hyi_film *film, const hyi_block *block) {
     hyi_error_sums *sums = (hyi_error_sums *)argument;
-    double sum = 0.0;
+    double cells[32] = { 0.0 };
+    bool seen[32] = { false };
     for (uint32_t i = 0; i < block->count; i++) {
         const hyi_block_pixel *p = &block->pixels[i];
-        double scale = fmax(p->luminance, HYI_DARK_SHARE * sums->brightness);
-        double variance = block->luminance_scale > 0.0 ? block->luminance_scale * hyi_smoothed_scatter(film, block, p) : p->luminance_half_square;
-        if (scale > 0.0) sum += variance / (scale * scale);
+        double scale = fmax(p->luminance, HYI_DARK_SHARE * sums->brightness), weight = scale > 0.0 ? 1.0 / (scale * scale) : 0.0;
+        bool scattered = block->luminance_scale > 0.0;
+        sums->square += weight * (scattered ? block->luminance_scale * hyi_smoothed_scatter(film, block, p) : p->luminance_half_square);
+        cells[hyi_cell_of(block, i)] += weight * p->luminance_half_square;
+        seen[hyi_cell_of(block, i)] = true;
         sums->heavy += hyi_is_heavy(film, p->index) ? 1u : 0u;
         sums->dropped += film->pixels[p->index].dropped;
     }
-    sums->ratio += sum;
-    sums->ratio_square += sum * sum;
-    sums->blocks += 1.0;
+    for (int c = 0; c < 32; c++) {
+        if (!seen[c]) continue;
+        sums->cells += 1.0;
+        sums->cell += cells[c];
+        sums->cell_square += cells[c] * cells[c];
+    }
     sums->pixels += (double)block->count;
 }
 
-/* The squared error is a sum over blocks that hardly depend on each other; its own scatter over the blocks gives the
-   interval: of the estimate, and once more as much for the real squared error, which scatters about its mean alike. */
+/* Standard deviation of the squared error's estimate. The cells' own scatter gives it, where there are many; it is never
+   taken below what 4 independent normal pixels a cell would give. */
+HYI_FN double hyi_error_spread(const hyi_error_sums *s, double square) {
+    double least = square * sqrt(2.0 / (4.0 * s->cells));
+    if (s->cells < 1.5) return least;
+    double mean = s->cell / s->cells, variance = fmax(s->cell_square / s->cells - mean * mean, 0.0) / (s->cells - 1.0);
+    return fmax(sqrt(variance) * s->cells / s->pixels, least);
+}
+
+/* The interval is for the real error of this picture: its square scatters about its mean as much as the estimate does. */
 HYI_FN void hyi_make_report(hydra_render *r) {
     double start = hyi_seconds();
-    const hyi_film *film = &r->film;
     hyi_error_sums sums;
     memset(&sums, 0, sizeof sums);
-    sums.brightness = hyi_brightness(film);
-    hyi_each_block(film, hyi_add_block_error, &sums);
-    double square = sums.ratio / sums.pixels, spread = square * sqrt(2.0 / fmin(sums.pixels, 64.0));
-    if (sums.blocks > 1.5) {
-        double mean = sums.ratio / sums.blocks;
-        spread = sqrt(fmax(sums.ratio_square / sums.blocks - mean * mean, 0.0) / (sums.blocks - 1.0)) * sums.blocks / sums.pixels;
-        spread = fmax(spread, square * sqrt(2.0 / sums.pixels)); /* no less than that of independent normal pixels */
-    }
-    double reach = 1.96 * sqrt(2.0) * spread;
+    sums.brightness = hyi_brightness(&r->film);
+    hyi_each_block(&r->film, hyi_add_block_error, &sums);
+    double square = sums.square / sums.pixels, reach = 1.96 * sqrt(2.0) * hyi_error_spread(&sums, square);
     r->report.error = sqrt(square);
     r->report.low = sqrt(fmax(square - reach, 0.0));
     r->report.high = sqrt(square + reach);

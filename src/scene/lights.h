@@ -24,6 +24,8 @@ HYI_FN hydra_result hyi_check_light_unit(hydra_context *context, const hydra_lig
     return HYDRA_OK;
 }
 
+HYI_FN double hyi_cone_outer(const hydra_light_desc *d) { return d->cone_outer != 0.0f ? (double)d->cone_outer : 0.25 * HYI_PI; }
+
 HYI_FN hydra_result hyi_check_light(hydra_context *context, const hydra_light_desc *d) {
     HYI_TRY(hyi_check_light_unit(context, d));
     HYI_TRY(hyi_check_color(context, d->color, FLT_MAX, "light.color"));
@@ -36,8 +38,8 @@ HYI_FN hydra_result hyi_check_light(hydra_context *context, const hydra_light_de
         return hyi_fail(context, HYDRA_ERROR_LIGHT, "light.radius is %g", (double)d->radius);
     HYI_TRY(hyi_check_range(context, d->cone_outer, 0.0f, 3.1415927f, HYDRA_ERROR_LIGHT, "light.cone_outer"));
     HYI_TRY(hyi_check_range(context, d->cone_inner, 0.0f, 3.1415927f, HYDRA_ERROR_LIGHT, "light.cone_inner"));
-    if (d->cone_outer != 0.0f && d->cone_inner > d->cone_outer)
-        return hyi_fail(context, HYDRA_ERROR_LIGHT, "light.cone_inner %g is wider than cone_outer %g", (double)d->cone_inner, (double)d->cone_outer);
+    if ((double)d->cone_inner > hyi_cone_outer(d))
+        return hyi_fail(context, HYDRA_ERROR_LIGHT, "light.cone_inner %g is wider than cone_outer %g", (double)d->cone_inner, hyi_cone_outer(d));
     return hyi_check_range(context, d->angular_radius, 0.0f, 1.5707f, HYDRA_ERROR_LIGHT, "light.angular_radius");
 }
 
@@ -72,7 +74,7 @@ HYI_FN void hyi_fill_round(const hydra_light_desc *d, hyk_light *light, float *s
 
 /* The falloff between the cones integrates to half their difference in cosine (light.h). */
 HYI_FN void hyi_fill_spot(const hydra_light_desc *d, hyk_light *light, float *scale) {
-    double outer = d->cone_outer != 0.0f ? (double)d->cone_outer : 0.785398163;
+    double outer = hyi_cone_outer(d);
     double inner = d->cone_inner != 0.0f ? (double)d->cone_inner : 0.9 * outer;
     light->cos_outer = (float)cos(outer);
     light->cos_inner = (float)cos(inner);
