@@ -56,7 +56,7 @@ setup-lint:
 # ---- demo, examples
 
 demo: setup-cc build/demo
-	@build/demo
+	@build/demo build/demo.png
 
 build/demo: examples/demo.c hydra.h
 	@mkdir -p build

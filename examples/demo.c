@@ -1,6 +1,7 @@
 /* demo.c: a box with a glass and a golden sphere, rendered, written as PNG, and what it cost
 
-       cc -O2 -I.. demo.c -o demo -lm -lpthread && ./demo demo.png */
+       cc -O2 -I.. demo.c -o demo -lm -lpthread && ./demo demo.png
+       ./demo demo.png 300       the picture of the README: more seconds */
 #define HYDRA_IMPLEMENTATION
 #include "hydra.h"
 
@@ -246,14 +247,14 @@ static void print_costs(hydra_context *context, const hydra_scene *scene, hydra_
     printf("memory           %.1f MiB at most\n", (double)hydra_memory(context).bytes_peak / (1024.0 * 1024.0));
 }
 
-static hydra_result render_demo(hydra_context *context, hydra_scene *scene, const char *path) {
+static hydra_result render_demo(hydra_context *context, hydra_scene *scene, const char *path, double seconds) {
     hydra_render *render = hydra_render_create(
         scene,
         &(hydra_render_desc){.width = SIZE,
                              .height = SIZE,
                              .sensor = {.position = {0, 1, 3.55f}, .target = {0, 1, 0}, .fov_y = 0.735f, .filter = HYDRA_FILTER_TENT},
                              .target_error = 0.03f,
-                             .time_budget = 14.0});
+                             .time_budget = seconds});
     hydra_result result = HYDRA_MORE;
     while (result == HYDRA_MORE) {
         result = hydra_render_step(render);
@@ -272,11 +273,12 @@ static hydra_result render_demo(hydra_context *context, hydra_scene *scene, cons
 
 int main(int argc, char **argv) {
     const char *path = argc > 1 ? argv[1] : "demo.png";
+    double seconds = argc > 2 ? atof(argv[2]) : 14.0;
     hydra_context *context = hydra_create(NULL);
     hydra_scene *scene = hydra_scene_create(context);
     add_everything(scene);
     hydra_result result = hydra_scene_commit(scene);
-    if (result == HYDRA_OK) result = render_demo(context, scene, path);
+    if (result == HYDRA_OK) result = render_demo(context, scene, path, seconds);
     if (result == HYDRA_ERROR_BUFFER)
         fprintf(stderr, "demo: %s could not be written\n", path);
     else if (result != HYDRA_OK)

@@ -275,7 +275,7 @@ HYK_FN hyk_scatter hyk_sample_direct(hyk_view view, hyk_path_settings settings, 
    64th on, so that light in a lossless trap ends too. Not earlier: weights that grow while nothing is lost are noise. */
 HYK_FN hyk_real hyk_survival(hyk_path path) {
     if (path.bounce < 4u) return 1.0f;
-    return hyk_clamp(hyk_max3(path.throughput) * path.eta_scale, HYK_C(0.02), path.bounce < 64u ? 1.0f : HYK_C(0.97));
+    return hyk_clamp(hyk_max3(path.throughput) * path.eta_scale, HYK_C(0.02), path.bounce < 64u ? 1.0f : HYK_C(0.999));
 }
 
 /* The part of a sampled scattering that is followed. The whole of it, unless components are told apart: then either the

@@ -80,7 +80,7 @@ HYK_FN hyk_vec2 hyk_sample_pair(hyk_sampler s, hyk_uint d) {
     hyk_uint shift_x = hyk_owen(s.pixel, key_pixel);
     hyk_uint shift_y = hyk_reverse_bits(hyk_sobol_second(hyk_reverse_bits(shift_x)));
     hyk_uint noise = hyk_hash(s.pixel ^ key_pixel);
-    return hyk_make2(hyk_unit_real(x ^ shift_x ^ (noise >> 8)), hyk_unit_real(y ^ shift_y ^ (hyk_hash(noise + 1u) >> 8)));
+    return hyk_make2(hyk_unit_real(x ^ shift_x ^ (noise >> 4)), hyk_unit_real(y ^ shift_y ^ (hyk_hash(noise + 1u) >> 4)));
 }
 
 #endif /* HYK_SAMPLER_H */

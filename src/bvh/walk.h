@@ -55,6 +55,12 @@ typedef struct hyi_walk {
     hyi_waiting stack[HYI_STACK];
 } hyi_walk;
 
+/* upper_aim is set before a way up is marked; gcc cannot see that, and warns. */
+#if HYI_GNU && !defined(__clang__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
+
 /* Takes the next child worth visiting off the stack. */
 HYI_INLINE void hyi_walk_pop(hyi_walk *walk) {
     while (walk->waiting > 0) {
@@ -71,6 +77,10 @@ HYI_INLINE void hyi_walk_pop(hyi_walk *walk) {
     }
     walk->at = HYI_WALK_ENDED;
 }
+
+#if HYI_GNU && !defined(__clang__)
+#pragma GCC diagnostic pop
+#endif
 
 /* Of child first and those in mask (not empty), returns the nearest and puts the others on the stack, the
    nearer the higher. */

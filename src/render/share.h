@@ -141,8 +141,14 @@ HYI_FN hyi_pixel_state hyi_load_pixel_state(const hydra_render *r, size_t index)
 /* ---- what a film belongs to */
 
 HYI_FN uint64_t hyi_mix(uint64_t hash, const void *data, size_t size) {
-    const unsigned char *bytes = (const unsigned char *)data;
-    for (size_t i = 0; i < size; i++) hash = (hash ^ bytes[i]) * 0x100000001b3u; /* FNV-1a */
+    const unsigned char *bytes = (const unsigned char *)data; /* FNV-1a; eight bytes at a time where they are there */
+    for (; size >= 8; size -= 8, bytes += 8) {
+        uint64_t word = 0;
+        for (int i = 0; i < 8; i++) word |= (uint64_t)bytes[i] << (8 * i);
+        hash = (hash ^ word) * 0x100000001b3u;
+        hash ^= hash >> 29;
+    }
+    for (size_t i = 0; i < size; i++) hash = (hash ^ bytes[i]) * 0x100000001b3u;
     return hash;
 }
 
@@ -151,7 +157,12 @@ HYI_FN uint64_t hyi_mix_geometry(uint64_t hash, const hydra_scene *scene) {
         const hyi_mesh_slot *mesh = &scene->meshes[i];
         hash = hyi_mix(hash, mesh->positions, (size_t)mesh->vertex_count * 3 * sizeof(float));
         hash = hyi_mix(hash, mesh->indices, (size_t)mesh->triangle_count * 3 * sizeof(uint32_t));
+        if (mesh->normals) hash = hyi_mix(hash, mesh->normals, (size_t)mesh->vertex_count * 3 * sizeof(float));
+        if (mesh->uvs) hash = hyi_mix(hash, mesh->uvs, (size_t)mesh->vertex_count * 2 * sizeof(float));
+        if (mesh->triangle_materials) hash = hyi_mix(hash, mesh->triangle_materials, (size_t)mesh->triangle_count * sizeof(uint32_t));
     }
+    for (size_t i = 0; i < scene->texture_count; i++) hash = hyi_mix(hash, scene->textures[i].texels, scene->textures[i].words * sizeof(uint32_t));
+    if (scene->environment_texels) hash = hyi_mix(hash, scene->environment_texels, hyi_environment_texel_count(scene) * sizeof(float));
     for (size_t i = 0; i < scene->placed_count; i++) hash = hyi_mix(hash, &scene->placed[i], sizeof scene->placed[i]);
     hash = hyi_mix(hash, scene->view_materials, scene->view_material_count * sizeof *scene->view_materials);
     hash = hyi_mix(hash, scene->all_lights, scene->all_light_count * sizeof *scene->all_lights);
