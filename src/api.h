@@ -183,7 +183,7 @@ typedef enum hydra_isa {
 } hydra_isa;
 
 typedef struct hydra_context_desc {
-    hydra_allocator allocator; /* default: aligned malloc and free */
+    hydra_allocator allocator; /* both functions or none; default: aligned malloc and free */
     /* Called with every warning and error, and with progress notes. text lives during the call. */
     void (*log)(void *user, hydra_log_level level, const char *text);
     void *log_user;
@@ -196,7 +196,7 @@ typedef struct hydra_context_desc {
     hydra_isa isa;     /* instruction set of the ray traversal */
 } hydra_context_desc;
 
-/* desc may be NULL. Returns NULL when there is no memory, no thread, or the isa is missing. */
+/* desc may be NULL. Returns NULL when there is no memory, no thread, half an allocator, or the isa is missing. */
 HYDRA_API hydra_context *hydra_create(const hydra_context_desc *desc);
 /* All scenes must be destroyed before (else HYDRA_ERROR_BUSY and nothing happens). NULL is ignored. */
 HYDRA_API hydra_result hydra_destroy(hydra_context *context);
@@ -277,7 +277,7 @@ typedef struct hydra_material_desc {
     float metallic;         /* METALLIC_ROUGHNESS only */
     float roughness;        /* 0..1, alpha = roughness^2; 0 exactly (or below 0.01) is a perfect mirror or glass */
     float transmission;     /* METALLIC_ROUGHNESS only: share of light that passes instead of the diffuse part */
-    bool thin;              /* transmission without refraction: a sheet of its own, not a closed body */
+    bool thin;              /* METALLIC_ROUGHNESS only: transmission without refraction, a sheet of its own, not a closed body */
     float ior;              /* 1.0001..10; default 1.5 */
     float eta[3], k[3];     /* CONDUCTOR: complex index of refraction */
     float absorption[3];    /* 1/m, inside DIELECTRIC or refracting transmission (Beer-Lambert) */
@@ -333,7 +333,7 @@ HYDRA_API hydra_result hydra_scene_remove_instance(hydra_scene *scene, hydra_ins
 /* --- lights */
 
 typedef enum hydra_light_kind {
-    HYDRA_LIGHT_RECT,   /* position: centre; axis_u, axis_v: half edges; shines towards cross(axis_u, axis_v) */
+    HYDRA_LIGHT_RECT,   /* position: centre; axis_u, axis_v: half edges, perpendicular; shines towards cross(axis_u, axis_v) */
     HYDRA_LIGHT_DISC,   /* position, direction: normal; radius */
     HYDRA_LIGHT_SPHERE, /* position, radius */
     HYDRA_LIGHT_POINT,  /* position */
@@ -472,7 +472,7 @@ typedef struct hydra_sensor_desc {
     hydra_sensor_kind kind;
     float position[3];
     float target[3];        /* a point it looks at; equal to position: looks to -Z */
-    float up[3];            /* default 0, 1, 0 */
+    float up[3];            /* default 0, 1, 0; must not be along the view */
     float fov_y;            /* PINHOLE, THIN_LENS: vertical angle, 0.001..179.9 degrees in radians; default 0.8 */
     float lens_radius;      /* THIN_LENS, m */
     float focus_distance;   /* THIN_LENS, m along the axis; default: to target */
@@ -513,7 +513,7 @@ typedef enum hydra_output {
 
 typedef enum hydra_validity {
     HYDRA_VALID_SAMPLED = 1 << 0,    /* the pixel has samples */
-    HYDRA_VALID_CONVERGED = 1 << 1,  /* its tile reached the target error */
+    HYDRA_VALID_CONVERGED = 1 << 1,  /* its tile reached the target error, as far as its samples tell */
     HYDRA_VALID_HEAVY_TAIL = 1 << 2, /* one sample made more than a tenth of the sum of 64 or more: do not trust its error bar */
     HYDRA_VALID_DROPPED = 1 << 3,    /* a sample was not finite and was dropped */
     HYDRA_VALID_INSIDE = 1 << 4      /* POINTS: most rays hit back faces first: the point is inside geometry */

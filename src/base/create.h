@@ -15,7 +15,7 @@ HYDRA_API const char *hydra_result_text(hydra_result result) {
 }
 
 HYDRA_API const char *hydra_error_text(const hydra_context *context) {
-    return context ? context->error : "no context: out of memory or threads, or an instruction set that is not there";
+    return context ? context->error : "no context: out of memory or threads, half an allocator, or an instruction set that is not there";
 }
 
 HYI_FN hydra_isa hyi_best_isa(void) {
@@ -31,7 +31,7 @@ HYI_FN hydra_context_desc hyi_resolved_context_desc(const hydra_context_desc *de
     hydra_context_desc resolved;
     memset(&resolved, 0, sizeof resolved);
     if (desc) resolved = *desc;
-    if (!resolved.allocator.alloc || !resolved.allocator.release) {
+    if (!resolved.allocator.alloc && !resolved.allocator.release) {
         resolved.allocator.alloc = hyi_default_alloc;
         resolved.allocator.release = hyi_default_release;
     }
@@ -43,7 +43,7 @@ HYI_FN hydra_context_desc hyi_resolved_context_desc(const hydra_context_desc *de
 
 HYDRA_API hydra_context *hydra_create(const hydra_context_desc *desc) {
     hydra_context_desc resolved = hyi_resolved_context_desc(desc);
-    if (!hyi_isa_is_there(resolved.isa)) return NULL;
+    if (!hyi_isa_is_there(resolved.isa) || !resolved.allocator.alloc || !resolved.allocator.release) return NULL;
     if (resolved.memory_cap && resolved.memory_cap < sizeof(hydra_context)) return NULL;
     hydra_context *context = (hydra_context *)resolved.allocator.alloc(resolved.allocator.user, sizeof *context);
     if (!context) return NULL;

@@ -1,7 +1,7 @@
 /* >>render-adaptive: which tile gets how many samples
 
    HYDRA's tiles (ALGORITHMS section 3) with a stopping rule that does not bias the picture. Stopping when one's own
-   samples look good favours samples that missed something. So a pixel never decides for itself: the pixels of a tile
+   samples look good favours samples that missed something (Kirk & Arvo 1991). So a pixel never decides for itself: the pixels of a tile
    form 16 groups, each spread evenly over the tile, and a group stops counting its samples when the error that the
    *other* groups show is small enough. How many of a pixel's samples count is then independent of what they say, and
    its mean and its error bar stay unbiased. Any two groups' judges share most of their evidence, so all groups of a
