@@ -66,7 +66,6 @@ HYK_FN hyk_real hyk_atan2(hyk_real y, hyk_real x) { return HYK_MATH(atan2)(y, x)
 HYK_FN hyk_real hyk_exp(hyk_real x) { return HYK_MATH(exp)(x); }
 HYK_FN hyk_real hyk_log2(hyk_real x) { return HYK_MATH(log2)(x); }
 HYK_FN hyk_real hyk_exp2(hyk_real x) { return HYK_MATH(exp2)(x); }
-HYK_FN hyk_real hyk_pow(hyk_real x, hyk_real y) { return HYK_MATH(pow)(x, y); }
 HYK_FN hyk_uint hyk_min_uint(hyk_uint a, hyk_uint b) { return a < b ? a : b; }
 HYK_FN hyk_uint hyk_max_uint(hyk_uint a, hyk_uint b) { return a > b ? a : b; }
 HYK_FN hyk_uint hyk_float_bits(float x) { hyk_uint r; memcpy(&r, &x, sizeof r); return r; }
