@@ -53,7 +53,8 @@ ERRORS
   Functions that can fail return hydra_result; those that return a handle or a pointer return a zero
   handle (id 0) or NULL. hydra_error_text gives the last message with the numbers in it. An object
   that could not be added leaves the scene unchanged, and the next hydra_scene_commit reports the
-  first such error once, so a program may check the commit alone.
+  first such error once, naming the call, so a program may check the commit alone. The ray queries
+  return codes but write no text, since many threads may call them.
 
 THREADS
   A context, its scenes and their renders are used by one thread at a time. The exceptions are stated
@@ -189,7 +190,7 @@ typedef struct hydra_context_desc {
     /* Called with every warning and error, and with progress notes. text lives during the call. */
     void (*log)(void *user, hydra_log_level level, const char *text);
     void *log_user;
-    uint32_t threads;  /* default: one per processor; 1: only the calling thread */
+    uint32_t threads;  /* default: one per processor; 1: only the calling thread; at most 1024 are used */
     /* Your own job system: must call task(argument, i) for every i < count, in any order, on any
        threads, and return when all are done. Replaces the library's threads. */
     void (*parallel_for)(void *user, uint32_t count, void (*task)(void *argument, uint32_t index), void *argument);
@@ -337,7 +338,7 @@ HYDRA_API hydra_result hydra_scene_remove_instance(hydra_scene *scene, hydra_ins
 typedef enum hydra_light_kind {
     HYDRA_LIGHT_RECT,   /* position: centre; axis_u, axis_v: half edges, perpendicular; shines towards cross(axis_u, axis_v) */
     HYDRA_LIGHT_DISC,   /* position, direction: normal; radius */
-    HYDRA_LIGHT_SPHERE, /* position, radius */
+    HYDRA_LIGHT_SPHERE, /* position, radius; shines outwards only */
     HYDRA_LIGHT_POINT,  /* position */
     HYDRA_LIGHT_SPOT,   /* position, direction, cone_outer, cone_inner: half angles, smooth between */
     HYDRA_LIGHT_SUN     /* direction the light travels; angular_radius (0: a parallel beam) */
@@ -372,7 +373,7 @@ HYDRA_API hydra_result hydra_scene_remove_light(hydra_scene *scene, hydra_light 
 
 typedef struct hydra_environment_desc {
     float color[3];         /* constant radiance, or the factor on texels; zero: 1, 1, 1 with texels */
-    const float *texels;    /* equirectangular RGB, row 0 at +Y, u = 1/2 + atan2(x, -z) / 2 pi: the middle
+    const float *texels;    /* none (width and height are then 0), or equirectangular RGB, row 0 at +Y, u = 1/2 + atan2(x, -z) / 2 pi: the middle
                                column looks to -Z, three quarters to the right to +X. Copied */
     uint32_t width, height;
     float rotation;         /* about +Y, radians */
@@ -482,7 +483,9 @@ typedef struct hydra_sensor_desc {
     float shift[2];         /* PINHOLE, THIN_LENS: moves the image window, in image heights */
     hydra_filter filter;
     /* POINTS: float x, y, z each, same count; width x height of the render must equal the count. A point may lie on
-       its surface, or off it by some 30 roundings of its coordinates. Normals need not be unit length. Copied. */
+       its surface, or off it by some 30 roundings of its coordinates; one that also lies exactly in the plane of
+       another surface (a texel's corner where floor meets wall) sees both sides of that: use texel centres.
+       Normals need not be unit length. Copied. */
     hydra_view point_positions, point_normals;
     hydra_lightmap lightmap;
     float lightmap_albedo[3]; /* for HYDRA_LIGHTMAP_RADIOSITY */
@@ -536,7 +539,7 @@ typedef struct hydra_render_desc {
     /* Whichever comes first ends the render. With none of the three: 64 samples. */
     float target_error;      /* relative error of each tile (see hydra_status); 0: none */
     double time_budget;      /* seconds of hydra_render_step; 0: none */
-    uint32_t max_samples;    /* a pixel; even. 0: none if a target or a time is given */
+    uint32_t max_samples;    /* a pixel; even, at most 2147483632. 0: none if a target or a time is given */
     uint32_t first_sample;   /* even: renders [first_sample, max_samples), for shares of one picture; needs
                                 max_samples and no target_error */
     uint32_t max_depth;      /* scattering events on a path; default: no limit but Russian roulette */
@@ -553,8 +556,8 @@ HYDRA_API void hydra_render_destroy(hydra_render *render);
 /* Works for about step_seconds. HYDRA_MORE: call again. HYDRA_OK: target, budget or cap is reached.
    HYDRA_CANCELLED: see hydra_render_cancel. What was rendered is valid after every return. */
 HYDRA_API hydra_result hydra_render_step(hydra_render *render);
-/* From any thread: the running or next step returns HYDRA_CANCELLED within about one tile's time.
-   The render stays readable, and the step after that one goes on. */
+/* From any thread: the running or next step returns HYDRA_CANCELLED within about one tile's time, unless the render is
+   done. It stays readable, and the step after that one goes on. */
 HYDRA_API void hydra_render_cancel(hydra_render *render);
 
 typedef enum hydra_stage { HYDRA_STAGE_FIRST_PASS, HYDRA_STAGE_REFINING, HYDRA_STAGE_DONE } hydra_stage;
@@ -2185,7 +2188,8 @@ HYK_FN hyk_real hyk_alpha_at(hyk_view view, hyk_material material, hyk_vec2 uv) 
     return material.alpha;
 }
 
-/* A number in [0, 1) that depends on the ray and the triangle alone: the same answer in whatever order they meet. */
+/* A number in [0, 1) that depends on the ray and the triangle alone: the same answer in whatever order they meet. A ray
+   exactly through a shared edge asks both triangles; a common number for a mesh would tie the layers of foliage together. */
 HYK_FN hyk_real hyk_alpha_threshold(hyk_ray ray, hyk_uint instance, hyk_uint primitive) {
     hyk_uint h = hyk_hash2(instance, primitive);
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.origin.x)));
@@ -7031,6 +7035,7 @@ struct hydra_scene {
     uint32_t renders_living;
     hydra_result pending; /* of the first add that failed since the last commit */
     char pending_text[sizeof ((hydra_context *)0)->error];
+    const char *editing;  /* the call that is under way, for that text */
     uint32_t dirty;
 
     hyi_texture_slot *textures;
@@ -7084,7 +7089,7 @@ struct hydra_scene {
 HYI_FN hydra_result hyi_reject(hydra_scene *scene, hydra_result result) {
     if (result != HYDRA_OK && scene->pending == HYDRA_OK) {
         scene->pending = result;
-        memcpy(scene->pending_text, scene->context->error, sizeof scene->pending_text);
+        snprintf(scene->pending_text, sizeof scene->pending_text, "%.400s (in %.100s)", scene->context->error, scene->editing);
     }
     return result;
 }
@@ -7093,6 +7098,7 @@ HYI_FN hydra_result hyi_reject(hydra_scene *scene, hydra_result result) {
 HYI_FN hydra_result hyi_scene_editable(hydra_scene *scene, const void *desc, const char *what) {
     if (!scene) return HYDRA_ERROR_NULL;
     if (scene->renders_living) return hyi_fail(scene->context, HYDRA_ERROR_BUSY, "%s: %u renders of the scene are alive", what, scene->renders_living);
+    scene->editing = what;
     if (!desc) return hyi_reject(scene, hyi_fail(scene->context, HYDRA_ERROR_NULL, "%s: the desc", what));
     return HYDRA_OK;
 }
@@ -8942,6 +8948,7 @@ HYDRA_API hydra_result hydra_scene_remove_light(hydra_scene *scene, hydra_light 
 HYI_FN hydra_result hyi_check_environment(hydra_context *context, const hydra_environment_desc *d) {
     HYI_TRY(hyi_check_color(context, d->color, FLT_MAX, "environment.color"));
     HYI_TRY(hyi_check_finite(context, &d->rotation, 1, "environment.rotation"));
+    if (!d->texels && (d->width || d->height)) return hyi_fail(context, HYDRA_ERROR_NULL, "environment.texels, of %u x %u", d->width, d->height);
     if (!d->texels) return HYDRA_OK;
     if (d->width == 0 || d->height == 0 || d->width > 65536 || d->height > 65536)
         return hyi_fail(context, HYDRA_ERROR_TEXTURE, "the environment has %u x %u texels", d->width, d->height);

@@ -51,7 +51,8 @@ ERRORS
   Functions that can fail return hydra_result; those that return a handle or a pointer return a zero
   handle (id 0) or NULL. hydra_error_text gives the last message with the numbers in it. An object
   that could not be added leaves the scene unchanged, and the next hydra_scene_commit reports the
-  first such error once, so a program may check the commit alone.
+  first such error once, naming the call, so a program may check the commit alone. The ray queries
+  return codes but write no text, since many threads may call them.
 
 THREADS
   A context, its scenes and their renders are used by one thread at a time. The exceptions are stated
@@ -187,7 +188,7 @@ typedef struct hydra_context_desc {
     /* Called with every warning and error, and with progress notes. text lives during the call. */
     void (*log)(void *user, hydra_log_level level, const char *text);
     void *log_user;
-    uint32_t threads;  /* default: one per processor; 1: only the calling thread */
+    uint32_t threads;  /* default: one per processor; 1: only the calling thread; at most 1024 are used */
     /* Your own job system: must call task(argument, i) for every i < count, in any order, on any
        threads, and return when all are done. Replaces the library's threads. */
     void (*parallel_for)(void *user, uint32_t count, void (*task)(void *argument, uint32_t index), void *argument);
@@ -335,7 +336,7 @@ HYDRA_API hydra_result hydra_scene_remove_instance(hydra_scene *scene, hydra_ins
 typedef enum hydra_light_kind {
     HYDRA_LIGHT_RECT,   /* position: centre; axis_u, axis_v: half edges, perpendicular; shines towards cross(axis_u, axis_v) */
     HYDRA_LIGHT_DISC,   /* position, direction: normal; radius */
-    HYDRA_LIGHT_SPHERE, /* position, radius */
+    HYDRA_LIGHT_SPHERE, /* position, radius; shines outwards only */
     HYDRA_LIGHT_POINT,  /* position */
     HYDRA_LIGHT_SPOT,   /* position, direction, cone_outer, cone_inner: half angles, smooth between */
     HYDRA_LIGHT_SUN     /* direction the light travels; angular_radius (0: a parallel beam) */
@@ -370,7 +371,7 @@ HYDRA_API hydra_result hydra_scene_remove_light(hydra_scene *scene, hydra_light 
 
 typedef struct hydra_environment_desc {
     float color[3];         /* constant radiance, or the factor on texels; zero: 1, 1, 1 with texels */
-    const float *texels;    /* equirectangular RGB, row 0 at +Y, u = 1/2 + atan2(x, -z) / 2 pi: the middle
+    const float *texels;    /* none (width and height are then 0), or equirectangular RGB, row 0 at +Y, u = 1/2 + atan2(x, -z) / 2 pi: the middle
                                column looks to -Z, three quarters to the right to +X. Copied */
     uint32_t width, height;
     float rotation;         /* about +Y, radians */
@@ -480,7 +481,9 @@ typedef struct hydra_sensor_desc {
     float shift[2];         /* PINHOLE, THIN_LENS: moves the image window, in image heights */
     hydra_filter filter;
     /* POINTS: float x, y, z each, same count; width x height of the render must equal the count. A point may lie on
-       its surface, or off it by some 30 roundings of its coordinates. Normals need not be unit length. Copied. */
+       its surface, or off it by some 30 roundings of its coordinates; one that also lies exactly in the plane of
+       another surface (a texel's corner where floor meets wall) sees both sides of that: use texel centres.
+       Normals need not be unit length. Copied. */
     hydra_view point_positions, point_normals;
     hydra_lightmap lightmap;
     float lightmap_albedo[3]; /* for HYDRA_LIGHTMAP_RADIOSITY */
@@ -534,7 +537,7 @@ typedef struct hydra_render_desc {
     /* Whichever comes first ends the render. With none of the three: 64 samples. */
     float target_error;      /* relative error of each tile (see hydra_status); 0: none */
     double time_budget;      /* seconds of hydra_render_step; 0: none */
-    uint32_t max_samples;    /* a pixel; even. 0: none if a target or a time is given */
+    uint32_t max_samples;    /* a pixel; even, at most 2147483632. 0: none if a target or a time is given */
     uint32_t first_sample;   /* even: renders [first_sample, max_samples), for shares of one picture; needs
                                 max_samples and no target_error */
     uint32_t max_depth;      /* scattering events on a path; default: no limit but Russian roulette */
@@ -551,8 +554,8 @@ HYDRA_API void hydra_render_destroy(hydra_render *render);
 /* Works for about step_seconds. HYDRA_MORE: call again. HYDRA_OK: target, budget or cap is reached.
    HYDRA_CANCELLED: see hydra_render_cancel. What was rendered is valid after every return. */
 HYDRA_API hydra_result hydra_render_step(hydra_render *render);
-/* From any thread: the running or next step returns HYDRA_CANCELLED within about one tile's time.
-   The render stays readable, and the step after that one goes on. */
+/* From any thread: the running or next step returns HYDRA_CANCELLED within about one tile's time, unless the render is
+   done. It stays readable, and the step after that one goes on. */
 HYDRA_API void hydra_render_cancel(hydra_render *render);
 
 typedef enum hydra_stage { HYDRA_STAGE_FIRST_PASS, HYDRA_STAGE_REFINING, HYDRA_STAGE_DONE } hydra_stage;

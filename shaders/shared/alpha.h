@@ -31,7 +31,8 @@ HYK_FN hyk_real hyk_alpha_at(hyk_view view, hyk_material material, hyk_vec2 uv) 
     return material.alpha;
 }
 
-/* A number in [0, 1) that depends on the ray and the triangle alone: the same answer in whatever order they meet. */
+/* A number in [0, 1) that depends on the ray and the triangle alone: the same answer in whatever order they meet. A ray
+   exactly through a shared edge asks both triangles; a common number for a mesh would tie the layers of foliage together. */
 HYK_FN hyk_real hyk_alpha_threshold(hyk_ray ray, hyk_uint instance, hyk_uint primitive) {
     hyk_uint h = hyk_hash2(instance, primitive);
     h = hyk_hash2(h, hyk_float_bits(HYK_TO_FLOAT(ray.origin.x)));

@@ -157,6 +157,7 @@ HYDRA_API hydra_result hydra_scene_remove_light(hydra_scene *scene, hydra_light 
 HYI_FN hydra_result hyi_check_environment(hydra_context *context, const hydra_environment_desc *d) {
     HYI_TRY(hyi_check_color(context, d->color, FLT_MAX, "environment.color"));
     HYI_TRY(hyi_check_finite(context, &d->rotation, 1, "environment.rotation"));
+    if (!d->texels && (d->width || d->height)) return hyi_fail(context, HYDRA_ERROR_NULL, "environment.texels, of %u x %u", d->width, d->height);
     if (!d->texels) return HYDRA_OK;
     if (d->width == 0 || d->height == 0 || d->width > 65536 || d->height > 65536)
         return hyi_fail(context, HYDRA_ERROR_TEXTURE, "the environment has %u x %u texels", d->width, d->height);

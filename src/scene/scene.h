@@ -53,6 +53,7 @@ struct hydra_scene {
     uint32_t renders_living;
     hydra_result pending; /* of the first add that failed since the last commit */
     char pending_text[sizeof ((hydra_context *)0)->error];
+    const char *editing;  /* the call that is under way, for that text */
     uint32_t dirty;
 
     hyi_texture_slot *textures;
@@ -106,7 +107,7 @@ struct hydra_scene {
 HYI_FN hydra_result hyi_reject(hydra_scene *scene, hydra_result result) {
     if (result != HYDRA_OK && scene->pending == HYDRA_OK) {
         scene->pending = result;
-        memcpy(scene->pending_text, scene->context->error, sizeof scene->pending_text);
+        snprintf(scene->pending_text, sizeof scene->pending_text, "%.400s (in %.100s)", scene->context->error, scene->editing);
     }
     return result;
 }
@@ -115,6 +116,7 @@ HYI_FN hydra_result hyi_reject(hydra_scene *scene, hydra_result result) {
 HYI_FN hydra_result hyi_scene_editable(hydra_scene *scene, const void *desc, const char *what) {
     if (!scene) return HYDRA_ERROR_NULL;
     if (scene->renders_living) return hyi_fail(scene->context, HYDRA_ERROR_BUSY, "%s: %u renders of the scene are alive", what, scene->renders_living);
+    scene->editing = what;
     if (!desc) return hyi_reject(scene, hyi_fail(scene->context, HYDRA_ERROR_NULL, "%s: the desc", what));
     return HYDRA_OK;
 }
