@@ -6,8 +6,8 @@
    *other* groups show is small enough. How many of a pixel's samples count is then independent of what they say, and
    its mean and its error bar stay unbiased. Any two groups' judges share most of their evidence, so all groups of a
    tile stop at nearly the same stage; until the last one does, all go on sampling to be evidence for it.
-   (Two halves of each pixel's samples that judge each other are unbiased as well; but two judges with nothing in common
-   disagree so often where light is rare that every second sample was evidence only.)
+   (Two halves of each pixel's samples that judge each other are unbiased as well; with nothing in common they disagree
+   more often, and more samples are evidence only: bench-trade prints samples counted and traced.)
 
    Error of a tile, from a set of its pixels: sqrt(mean over them of w v / n), v a pixel's sample variance of luminance
    (within chunks, pooled), n its samples, w = 1 / max(mean, L / 10)^2 with L the picture's mean luminance. A tile is
