@@ -181,7 +181,9 @@ typedef enum hydra_log_level { HYDRA_LOG_INFO, HYDRA_LOG_WARNING, HYDRA_LOG_ERRO
 typedef enum hydra_isa {
     HYDRA_ISA_AUTO,   /* the widest that machine and build have */
     HYDRA_ISA_SCALAR, /* plain C */
+    HYDRA_ISA_SSE42,
     HYDRA_ISA_AVX2,
+    HYDRA_ISA_AVX512, /* F, BW, DQ, VL */
     HYDRA_ISA_NEON
 } hydra_isa;
 
@@ -302,6 +304,13 @@ HYDRA_API hydra_result hydra_scene_update_material(hydra_scene *scene, hydra_mat
 
 /* --- meshes and instances */
 
+/* How much work a tree over triangles (BVH) is worth. Hits are the same with any. */
+typedef enum hydra_build {
+    HYDRA_BUILD_AUTO, /* BEST; FAST for dynamic meshes */
+    HYDRA_BUILD_FAST, /* built quickly: for geometry that changes often */
+    HYDRA_BUILD_BEST  /* takes longer, rays pass faster: for geometry that stays */
+} hydra_build;
+
 typedef struct hydra_mesh_desc {
     hydra_view positions;   /* float x, y, z */
     hydra_view normals;     /* float x, y, z, one a vertex; none: flat faces */
@@ -313,6 +322,7 @@ typedef struct hydra_mesh_desc {
     bool instanced_only;    /* not in the scene by itself, only through instances */
     bool dynamic;           /* will be edited: has a BVH of its own, so that an edit builds only that one again. The other
                                meshes that stand by themselves share one, which rays pass faster */
+    hydra_build build;      /* of its BVH; the shared one is FAST only if all its meshes say FAST */
 } hydra_mesh_desc;
 
 /* Degenerate triangles (no area, or two equal indices) are dropped from ray tracing and counted in
@@ -663,10 +673,13 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>bvh-build-split          where to cut a range of primitives: binned surface area heuristic
      >>bvh-build-tree           the binary tree: large ranges cut by all threads together, small ones a thread each
      >>bvh-triangle             a ray made ready for one tree, and the watertight triangle test
-     >>bvh-walk                 one ray's way through the trees: its stack, its levels and its best hit
-     >>bvh-avx2                 eight boxes or eight triangles at a time
-     >>bvh-neon                 eight boxes or triangles as two times four lanes; close to bvh-avx2 on purpose
-     >>bvh-scalar               boxes and triangles one at a time, on any machine
+     >>bvh-walk                 what rays can meet, one ray on its way through a tree, and who decides on a triangle
+     >>bvh-stream               many rays through a tree together
+     >>bvh-scalar               traversal in plain C, for any machine: eight lanes are eight floats
+     >>bvh-avx2                 traversal in the words of AVX2: eight rays a packet
+     >>bvh-avx512               traversal in the words of AVX-512: sixteen rays a packet, lists dealt by compression
+     >>bvh-sse42                traversal in the words of SSE4.2: eight lanes are two times four
+     >>bvh-neon                 traversal in the words of NEON: eight lanes are two times four
      >>bvh-build-collapse       from the binary tree to eight-wide nodes and rows of triangles
      >>bvh-build                from triangles or boxes to a tree
      >>bvh-trace                what the renderer calls: batches of rays against surfaces, then against light shapes
@@ -759,12 +772,16 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
 #else
 #define HYI_NEON 0
 #endif
-/* Functions that use AVX2. FMA is left out on purpose: contracting a*b - c*d breaks the antisymmetry
-   that the watertight triangle test stands on. */
+/* Functions that use one instruction set, chosen at run time. FMA may merge products and sums in them: where
+   the watertight triangle test stands on separate rounding, that is pinned by hyi_rounded and its kin. */
 #if HYI_X86 && HYI_GNU
-#define HYI_AVX2 __attribute__((target("avx2,bmi,lzcnt")))
+#define HYI_SSE42 __attribute__((target("sse4.2,popcnt")))
+#define HYI_AVX2 __attribute__((target("avx2,fma,bmi,lzcnt,popcnt")))
+#define HYI_AVX512 __attribute__((target("avx512f,avx512bw,avx512vl,avx512dq,avx2,fma,bmi,lzcnt,popcnt")))
 #else
+#define HYI_SSE42
 #define HYI_AVX2
+#define HYI_AVX512
 #endif
 
 /* Returns from the enclosing function on anything but HYDRA_OK. */
@@ -788,6 +805,17 @@ HYI_INLINE float hyi_rounded(float product) {
     __asm__("" : "+w"(product));
 #endif
     return product;
+}
+
+/* Asks for the cache line at address ahead of its use. */
+HYI_INLINE void hyi_prefetch(const void *address) {
+#if HYI_GNU
+    __builtin_prefetch(address);
+#elif HYI_X86
+    _mm_prefetch((const char *)address, _MM_HINT_T0);
+#else
+    (void)address;
+#endif
 }
 
 /* ---- atomics, all sequentially consistent: they are used per tile, never per ray */
@@ -866,14 +894,40 @@ HYI_FN uint32_t hyi_processor_count(void) {
 #endif
 }
 
+HYI_FN bool hyi_has_sse42(void) {
+#if HYI_X86 && HYI_GNU
+    return __builtin_cpu_supports("sse4.2") && __builtin_cpu_supports("popcnt");
+#elif HYI_X86
+    int leaf1[4];
+    __cpuid(leaf1, 1);
+    return (leaf1[2] & (1 << 20)) && (leaf1[2] & (1 << 23));
+#else
+    return false;
+#endif
+}
+
 HYI_FN bool hyi_has_avx2(void) {
 #if HYI_X86 && HYI_GNU
-    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi");
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi");
 #elif HYI_X86
     int leaf1[4], leaf7[4];
     __cpuid(leaf1, 1);
     __cpuidex(leaf7, 7, 0);
-    return (leaf1[2] & (1 << 27)) && (_xgetbv(0) & 6) == 6 && (leaf7[1] & (1 << 5)) && (leaf7[1] & (1 << 3));
+    return (leaf1[2] & (1 << 27)) && (leaf1[2] & (1 << 12)) && (_xgetbv(0) & 6) == 6 && (leaf7[1] & (1 << 5)) && (leaf7[1] & (1 << 3));
+#else
+    return false;
+#endif
+}
+
+HYI_FN bool hyi_has_avx512(void) {
+#if HYI_X86 && HYI_GNU
+    return hyi_has_avx2() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
+           __builtin_cpu_supports("avx512vl");
+#elif HYI_X86
+    int leaf7[4];
+    __cpuidex(leaf7, 7, 0);
+    const int needed = 1 << 16 | 1 << 17 | 1 << 30 | (int)(1u << 31);
+    return hyi_has_avx2() && (_xgetbv(0) & 0xe6) == 0xe6 && (leaf7[1] & needed) == needed;
 #else
     return false;
 #endif
@@ -948,23 +1002,30 @@ HYI_FN bool hyi_multiply_overflows(size_t a, size_t b) {
     return b != 0 && a > SIZE_MAX / b;
 }
 
-/* *memory gets size bytes aligned to 64, or NULL when size is 0. Contents are undefined. Any thread. */
-HYI_FN hydra_result hyi_alloc_bytes(hydra_context *context, size_t size, void **memory) {
+/* *memory gets size bytes aligned to 64, or NULL when size is 0. Contents are undefined. Any thread; says nothing in
+   the context's text. */
+HYI_FN hydra_result hyi_try_alloc(hydra_context *context, size_t size, void **memory) {
     *memory = NULL;
     if (size == 0) return HYDRA_OK;
     size_t now = (size_t)hyi_atomic_add(&context->bytes_now, (int64_t)size) + size;
-    if (context->desc.memory_cap && now > context->desc.memory_cap) {
-        hyi_atomic_add(&context->bytes_now, -(int64_t)size);
-        return hyi_fail(context, HYDRA_ERROR_MEMORY_CAP, "%zu bytes more would make %zu, the cap is %zu", size, now, context->desc.memory_cap);
-    }
-    *memory = context->desc.allocator.alloc(context->desc.allocator.user, size);
+    bool allowed = !context->desc.memory_cap || now <= context->desc.memory_cap;
+    if (allowed) *memory = context->desc.allocator.alloc(context->desc.allocator.user, size);
     if (!*memory) {
         hyi_atomic_add(&context->bytes_now, -(int64_t)size);
-        return hyi_fail(context, HYDRA_ERROR_OUT_OF_MEMORY, "%zu bytes", size);
+        return allowed ? HYDRA_ERROR_OUT_OF_MEMORY : HYDRA_ERROR_MEMORY_CAP;
     }
     hyi_atomic_raise(&context->bytes_peak, (int64_t)now);
     hyi_atomic_add(&context->allocations_now, 1);
     return HYDRA_OK;
+}
+
+/* The same with a message. */
+HYI_FN hydra_result hyi_alloc_bytes(hydra_context *context, size_t size, void **memory) {
+    hydra_result result = hyi_try_alloc(context, size, memory);
+    if (result == HYDRA_ERROR_OUT_OF_MEMORY) return hyi_fail(context, result, "%zu bytes", size);
+    if (result != HYDRA_ERROR_MEMORY_CAP) return result;
+    size_t now = (size_t)hyi_atomic_load(&context->bytes_now);
+    return hyi_fail(context, result, "%zu bytes more than the %zu now, the cap is %zu", size, now, context->desc.memory_cap);
 }
 
 HYI_FN void hyi_free_bytes(hydra_context *context, void *memory, size_t size) {
@@ -1188,12 +1249,21 @@ HYDRA_API const char *hydra_error_text(const hydra_context *context) {
 }
 
 HYI_FN hydra_isa hyi_best_isa(void) {
+    if (hyi_has_avx512()) return HYDRA_ISA_AVX512;
     if (hyi_has_avx2()) return HYDRA_ISA_AVX2;
+    if (hyi_has_sse42()) return HYDRA_ISA_SSE42;
     return HYI_NEON ? HYDRA_ISA_NEON : HYDRA_ISA_SCALAR;
 }
 
 HYI_FN bool hyi_isa_is_there(hydra_isa isa) {
-    return isa == HYDRA_ISA_SCALAR || (isa != HYDRA_ISA_AUTO && isa == hyi_best_isa());
+    switch (isa) {
+    case HYDRA_ISA_SCALAR: return true;
+    case HYDRA_ISA_SSE42: return hyi_has_sse42();
+    case HYDRA_ISA_AVX2: return hyi_has_avx2();
+    case HYDRA_ISA_AVX512: return hyi_has_avx512();
+    case HYDRA_ISA_NEON: return HYI_NEON;
+    default: return false;
+    }
 }
 
 HYI_FN hydra_context_desc hyi_resolved_context_desc(const hydra_context_desc *desc) {
@@ -5787,20 +5857,21 @@ HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
 #define HYI_FAR_AWAY 4611686018427387904.0f /* 2^62: a farther origin is moved to here */
 #define HYI_SLAB_BOUND 9.5367431640625e-07f  /* 2^-20 */
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
-#define HYI_STEADY 7.52316384526264e-37f     /* 2^-120: the smallest direction component */
+#define HYI_STEADY 8.67361737988403547e-19f  /* 2^-60: the smallest direction component */
 
 #define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
 
-/* A ray in the units of one tree. t here times unit is t of the ray. */
+/* A ray in the units of one tree. t here times unit is t of the ray. Planes are met at t = plane * inverse + offset. */
 typedef struct hyi_aim {
-    float near_origin[3], far_origin[3]; /* the origin moved by the error bound: slabs only get thicker */
-    float inverse[3];                    /* of the direction; finite */
+    float inverse[3];                     /* of the direction; finite */
+    float near_offset[3], far_offset[3];  /* of the origin moved by the error bound: slabs only get thicker */
     float t_near, t_far;
-    uint32_t near_plane[3];              /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
-    uint32_t axis[3];                    /* x, y, z of the sheared frame; z is the direction's largest */
-    float origin[3], shear[2];           /* in the order of axis */
-    float inverse_z;                     /* t here by distance along z */
-    float direction[3];                  /* in the order of axis */
+    float origin[3], shear[2];            /* in the order of axis */
+    float inverse_z;                      /* t here by distance along z */
+    float direction[3];                   /* in the order of axis */
+    float near_origin[3], far_origin[3];  /* the origin moved, for rays in packets */
+    uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
+    uint32_t near_plane[3];               /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
     double unit, inverse_unit;
 } hyi_aim;
 
@@ -5848,18 +5919,25 @@ HYI_INLINE float hyi_reach(const hyi_box *box, float origin, int axis, bool loos
 }
 
 /* Slabs. A sheared corner is off by at most 4 x 2^-24 of its distance across plus along the ray, t by a few
-   ulps of the distance: 2^-20 covers both and the rounding of the slabs themselves. Adding 2^-23 of the
-   origin makes the sum really move. A direction of (nearly) zero becomes 2^-120: slabs are never NaN,
-   and an origin on a plane lies inside by the bound. */
+   ulps of the distance: 2^-20 covers both and the rounding of the slabs themselves. 2^-22 of the origin makes
+   the moved one really differ, and covers the rounding of plane * inverse and of the offset. A direction of
+   (nearly) zero becomes 2^-60, whose slabs end beyond the reach of the others: they are never NaN, and an
+   origin on a plane lies inside by the bound. */
+HYI_INLINE float hyi_slab_bound(float reach, float along, float origin) {
+    return HYI_SLAB_BOUND * (reach + along) + 2.0f * HYI_ULP * fabsf(origin);
+}
+
 HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, const float *d, bool loose) {
     float along = hyi_reach(box, o[aim->axis[2]], (int)aim->axis[2], loose);
     for (int a = 0; a < 3; a++) {
-        float bound = HYI_SLAB_BOUND * (hyi_reach(box, o[a], a, loose) + along) + HYI_ULP * fabsf(o[a]);
+        float bound = hyi_slab_bound(hyi_reach(box, o[a], a, loose), along, o[a]);
         float steady = fabsf(d[a]) >= HYI_STEADY ? d[a] : d[a] < 0.0f ? -HYI_STEADY : HYI_STEADY;
         bool falls = steady < 0.0f;
         aim->inverse[a] = 1.0f / steady;
         aim->near_origin[a] = falls ? o[a] - bound : o[a] + bound;
         aim->far_origin[a] = falls ? o[a] + bound : o[a] - bound;
+        aim->near_offset[a] = -aim->near_origin[a] * aim->inverse[a];
+        aim->far_offset[a] = -aim->far_origin[a] * aim->inverse[a];
         aim->near_plane[a] = 2u * (uint32_t)a + (falls ? 1u : 0u);
     }
 }
@@ -5949,22 +6027,25 @@ HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32
     return true;
 }
 
-/* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT; weights: u and v. */
-HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float weights[2]) {
+/* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT where that is not within t_min and
+   t_max; weights: u and v. The plane comes first: most of the triangles that fail here lie behind a nearer hit. */
+HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2]) {
     float ax, ay, bx, by, cx, cy;
+    double distance;
     rows += lane;
+    if (!hyi_plane_distance(aim, rows, stride, &distance)) return HYI_NO_HIT;
+    float t = (float)hyi_rounded_double(distance * aim->unit);
+    if (!(t >= t_min && t <= t_max)) return HYI_NO_HIT;
     hyi_shear_corner(aim, rows, stride, &ax, &ay);
     hyi_shear_corner(aim, rows + 3u * stride, stride, &bx, &by);
     hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
     double a = hyi_cross_exact(cx, by, cy, bx), b = hyi_cross_exact(ax, cy, ay, cx), c = hyi_cross_exact(bx, ay, by, ax);
-    if ((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) return HYI_NO_HIT;
     double sum = hyi_rounded_double(hyi_rounded_double(a + b) + c);
-    double t;
-    if (sum == 0.0 || !hyi_plane_distance(aim, rows, stride, &t)) return HYI_NO_HIT;
+    if (((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) || sum == 0.0) return HYI_NO_HIT;
     double inverse = hyi_rounded_double(1.0 / sum);
     weights[0] = (float)(b * inverse);
     weights[1] = (float)(c * inverse);
-    return (float)hyi_rounded_double(t * aim->unit);
+    return t;
 }
 
 /* Ties of equal t go to the smaller instance, then the smaller primitive; t_max itself counts as a hit. */
@@ -5975,10 +6056,10 @@ HYI_INLINE bool hyi_beats(const hyi_best *best, float t, uint32_t instance, uint
 
 #endif /* HYI_BVH_TRIANGLE_H */
 
-/* >>bvh-walk: one ray's way through the trees: its stack, its levels and its best hit
+/* >>bvh-walk: what rays can meet, one ray on its way through a tree, and who decides on a triangle
 
-   What differs between instruction sets is how eight boxes and up to eight triangles are tested; all else
-   is here. */
+   How eight boxes, up to eight triangles or a packet of rays are tested differs between instruction sets;
+   all else is here. */
 #ifndef HYI_BVH_WALK_H
 #define HYI_BVH_WALK_H
 
@@ -5996,65 +6077,52 @@ typedef struct hyi_accel {
     bool empty;
     const hyi_bvh *shapes;         /* over the RECT, DISC and SPHERE lights; NULL: none */
     const uint32_t *shape_lights;  /* light of each box in shapes */
-    hydra_isa isa;                 /* SCALAR, AVX2 or NEON, never AUTO */
+    hydra_isa isa;                 /* never AUTO */
 } hyi_accel;
 
-/* Constant in each instantiation. */
-#define HYI_WALK_ANY 0x1u      /* stops at the first hit */
-#define HYI_WALK_ALPHA 0x2u    /* asks hyk_hit_is_opaque on meshes that have alpha */
-#define HYI_WALK_LEVELS 0x4u   /* goes through instances */
+/* A tree and whose it is. */
+typedef struct hyi_site {
+    const hyi_accel *accel;
+    const hyi_bvh *bvh;
+    uint32_t instance;
+    bool asks_alpha; /* whether hyk_hit_is_opaque must be asked here */
+} hyi_site;
 
-/* Seven children wait on each level of each of the two trees, and one marks the way back up. */
-#define HYI_STACK (2u * (7u * HYI_TREE_DEPTH + 8u))
-#define HYI_WALK_ENDED HYI_CHILD_NONE
-#define HYI_WALK_UP 0x7ffffffeu
+/* A ray on its way through one tree. */
+typedef struct hyi_flight {
+    hyi_aim aim;
+    hyi_best best;
+    float t_min;
+    const hyk_ray *ray; /* in world space */
+} hyi_flight;
+
+/* A ray that may lie in memory as another type of the same layout. */
+HYI_INLINE hyk_ray hyi_load_ray(const hyk_ray *at) {
+    hyk_ray ray;
+    memcpy(&ray, at, sizeof ray);
+    return ray;
+}
+
+/* Whether origin, direction and t_min are finite, the direction is not zero, and t_max, which may be infinite, is not
+   below t_min. Bits are looked at, which fast-math leaves alone. */
+HYI_INLINE bool hyi_ray_is_sound(const hyk_ray *ray) {
+    uint32_t bits[8], infinite = 0, direction = 0;
+    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
+    for (int i = 0; i < 7; i++) infinite |= (bits[i] & 0x7f800000u) == 0x7f800000u ? 1u : 0u;
+    for (int i = 4; i < 7; i++) direction |= bits[i] & 0x7fffffffu;
+    return !infinite && direction && (bits[7] & 0x7fffffffu) <= 0x7f800000u && ray->t_max >= ray->t_min;
+}
+HYI_STATIC_ASSERT(sizeof(hyk_ray) == 32 && offsetof(hyk_ray, t_min) == 12 && offsetof(hyk_ray, t_max) == 28);
+
+/* ---- the children of a node that a single ray still has to visit */
+
+/* Seven wait on each level. */
+#define HYI_STACK (7u * HYI_TREE_DEPTH + 8u)
 
 typedef struct hyi_waiting {
     uint32_t child;
     float t;
 } hyi_waiting;
-
-typedef struct hyi_walk {
-    hyi_aim aim;
-    uint32_t at;        /* the child to visit next */
-    uint32_t waiting;   /* fill of the stack */
-    const hyi_bvh *bvh; /* the tree that at belongs to */
-    uint32_t instance;
-    bool upper;         /* bvh is the tree over instances */
-    bool asks_alpha;
-    hyi_best best;
-    const hyi_accel *accel;
-    const hyk_ray *ray;
-    hyi_aim upper_aim;  /* kept while below */
-    hyi_waiting stack[HYI_STACK];
-} hyi_walk;
-
-/* upper_aim is set before a way up is marked; gcc cannot see that, and warns. */
-#if HYI_GNU && !defined(__clang__)
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
-#endif
-
-/* Takes the next child worth visiting off the stack. */
-HYI_INLINE void hyi_walk_pop(hyi_walk *walk) {
-    while (walk->waiting > 0) {
-        const hyi_waiting *top = &walk->stack[--walk->waiting];
-        if (top->child == HYI_WALK_UP) {
-            walk->aim = walk->upper_aim;
-            walk->bvh = walk->accel->instances;
-            walk->upper = true;
-            hyi_aim_limit(&walk->aim, walk->best.t);
-        } else if (top->t <= walk->aim.t_far) {
-            walk->at = top->child;
-            return;
-        }
-    }
-    walk->at = HYI_WALK_ENDED;
-}
-
-#if HYI_GNU && !defined(__clang__)
-#pragma GCC diagnostic pop
-#endif
 
 /* Of child first and those in mask (not empty), returns the nearest and puts the others on the stack, the
    nearer the higher. */
@@ -6081,27 +6149,11 @@ HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child,
     return nearest.child;
 }
 
-/* Goes to the nearest of the children in mask. */
-HYI_INLINE void hyi_walk_descend(hyi_walk *walk, const uint32_t *child, const float *t, uint32_t mask) {
-    uint32_t first = hyi_lowest_bit(mask);
-    hyi_waiting *top = walk->stack + walk->waiting;
-    mask &= mask - 1u;
-    walk->at = mask ? hyi_push_farther(&top, child, t, first, mask) : child[first];
-    walk->waiting = (uint32_t)(top - walk->stack);
-}
+/* ---- triangles */
 
-HYI_INLINE const float *hyi_leaf_rows(const hyi_walk *walk) {
-    return walk->bvh->rows + 9u * (size_t)hyi_leaf_first(walk->at);
-}
+HYI_INLINE const float *hyi_leaf_rows(const hyi_bvh *bvh, uint32_t leaf) { return bvh->rows + 9u * (size_t)hyi_leaf_first(leaf); }
 
-/* Ends a walk for any hit. */
-HYI_INLINE void hyi_walk_stop(hyi_walk *walk) {
-    walk->waiting = 0;
-    walk->at = HYI_WALK_ENDED;
-}
-
-/* The triangles of the world are numbered through: which instance a number belongs to, and its number there. While a ray
-   is under way a hit on the world has instance 0; numbers of the world keep the order of (instance, primitive). */
+/* In the world, the number of a triangle tells whose it is. */
 HYI_INLINE void hyi_locate_in_world(const hyi_accel *accel, uint32_t *instance, uint32_t *primitive) {
     if (!accel->world || *instance != 0) return;
     uint32_t low = 0, high = accel->world_count;
@@ -6114,43 +6166,72 @@ HYI_INLINE void hyi_locate_in_world(const hyi_accel *accel, uint32_t *instance, 
     *primitive -= accel->world_first[low];
 }
 
-HYI_INLINE bool hyi_walk_lets_pass(const hyi_walk *walk, uint32_t primitive, const float weights[2]) {
-    uint32_t instance = walk->instance;
-    hyi_locate_in_world(walk->accel, &instance, &primitive);
-    return !hyk_hit_is_opaque(walk->accel->view, instance, primitive, weights[0], weights[1], *walk->ray);
+HYI_NOINLINE bool hyi_lets_pass(const hyi_site *site, const hyk_ray *ray, uint32_t primitive, float u, float v) {
+    uint32_t instance = site->instance;
+    hyi_locate_in_world(site->accel, &instance, &primitive);
+    return !hyk_hit_is_opaque(site->accel->view, instance, primitive, u, v, hyi_load_ray(ray));
 }
 
-/* Decides on one triangle of the leaf that at names. Returns whether it is the new best. */
-HYI_INLINE bool hyi_walk_offer(hyi_walk *walk, uint32_t lane, uint32_t flags) {
+/* Decides on one triangle of a leaf. Returns whether it is the new best. */
+HYI_INLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
     float weights[2] = {0.0f, 0.0f};
-    float t = hyi_confirm(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(walk->at), lane, weights);
-    if (!(t >= walk->ray->t_min && t <= walk->best.t)) return false;
-    uint32_t primitive = walk->bvh->ids[hyi_leaf_first(walk->at) + lane];
-    if (!hyi_beats(&walk->best, t, walk->instance, primitive)) return false;
-    if ((flags & HYI_WALK_ALPHA) && walk->asks_alpha && hyi_walk_lets_pass(walk, primitive, weights)) return false;
-    walk->best.t = t;
-    walk->best.u = weights[0];
-    walk->best.v = weights[1];
-    walk->best.instance = walk->instance;
-    walk->best.primitive = primitive;
-    hyi_aim_limit(&walk->aim, t);
+    float t = hyi_confirm(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), lane, flight->t_min, flight->best.t, weights);
+    if (t == HYI_NO_HIT) return false;
+    uint32_t primitive = site->bvh->ids[hyi_leaf_first(leaf) + lane];
+    if (!hyi_beats(&flight->best, t, site->instance, primitive)) return false;
+    if (site->asks_alpha && hyi_lets_pass(site, flight->ray, primitive, weights[0], weights[1])) return false;
+    flight->best.t = t;
+    flight->best.u = weights[0];
+    flight->best.v = weights[1];
+    flight->best.instance = site->instance;
+    flight->best.primitive = primitive;
+    hyi_aim_limit(&flight->aim, t);
     return true;
 }
 
-/* Offers the triangles of mask, all of them or until one stops the ray. Returns whether one was a hit. */
-HYI_INLINE bool hyi_walk_offer_all(hyi_walk *walk, uint32_t mask, uint32_t flags) {
-    bool found = false;
-    for (; mask; mask &= mask - 1u) {
-        if (hyi_walk_offer(walk, hyi_lowest_bit(mask), flags)) found = true;
-        if (found && (flags & HYI_WALK_ANY)) break;
-    }
-    return found;
+/* Makes every box and triangle lie beyond a ray that is done. */
+HYI_INLINE void hyi_flight_stop(hyi_flight *flight) { flight->aim.t_far = -FLT_MAX; }
+
+/* ---- beginning and answering */
+
+/* Limits end short of HYI_NO_HIT. */
+#define HYI_T_LIMIT 3.0e38f
+HYI_INLINE float hyi_finite_limit(float t_max) { return t_max < HYI_T_LIMIT ? t_max : HYI_T_LIMIT; }
+
+/* Sets a ray on its way through one tree, looking no farther than its t_max and limit; false: it meets nothing there, as
+   an unsound ray does. */
+HYI_INLINE bool hyi_flight_begin(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *at, float limit) {
+    hyk_ray ray = hyi_load_ray(at);
+    float origin[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
+    float direction[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
+    flight->ray = at;
+    flight->t_min = ray.t_min;
+    flight->best.t = hyi_finite_limit(ray.t_max < limit ? ray.t_max : limit);
+    flight->best.u = flight->best.v = 0.0f;
+    flight->best.instance = flight->best.primitive = HYK_NONE;
+    if (bvh->primitive_count == 0 || !hyi_ray_is_sound(&ray) || !(ray.t_min <= flight->best.t)) return false;
+    return hyi_aim_at(&flight->aim, bvh, origin, direction, ray.t_min, flight->best.t, bvh->rows == NULL);
 }
 
-/* Offers the triangles of mask, then goes on. */
-HYI_INLINE void hyi_walk_leaf(hyi_walk *walk, uint32_t mask, uint32_t flags) {
-    if (hyi_walk_offer_all(walk, mask, flags) && (flags & HYI_WALK_ANY)) hyi_walk_stop(walk);
-    else hyi_walk_pop(walk);
+/* Where all rays of the scene begin: the world alone, or one unmoved mesh, has no level above it. */
+HYI_INLINE hyi_site hyi_first_site(const hyi_accel *accel) {
+    uint32_t mesh = accel->single && !accel->world ? accel->view->instances[0].mesh : 0u;
+    hyi_site site;
+    site.accel = accel;
+    site.bvh = !accel->single ? accel->instances : accel->world ? accel->world : &accel->meshes[mesh];
+    site.instance = 0;
+    site.asks_alpha = accel->single && (accel->world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh]);
+    return site;
+}
+
+HYI_INLINE void hyi_answer(const hyi_accel *accel, const hyi_best *best, hyk_hit *hit) {
+    bool found = best->instance != HYK_NONE;
+    hit->t = found ? best->t : -1.0f;
+    hit->u = best->u;
+    hit->v = best->v;
+    hit->instance = best->instance;
+    hit->primitive = best->primitive;
+    hyi_locate_in_world(accel, &hit->instance, &hit->primitive);
 }
 
 /* ---- levels */
@@ -6159,18 +6240,25 @@ HYI_INLINE float hyi_transform_row(hyk_vec3 row, float offset, const float *p) {
     return row.x * p[0] + row.y * p[1] + row.z * p[2] + offset;
 }
 
-/* Turns to the mesh of an instance, or to the world; the way back up is marked on the stack. The direction is not
-   renormalised: t means the same below. One copy for all instruction sets: it rounds. */
-HYI_NOINLINE void hyi_walk_enter(hyi_walk *walk) {
-    const hyi_accel *accel = walk->accel;
-    uint32_t item = walk->bvh->ids[hyi_leaf_first(walk->at)];
+/* What box item of the tree over instances stands for. */
+HYI_FN hyi_site hyi_site_of_item(const hyi_accel *accel, uint32_t item) {
     bool world = accel->world && item == 0;
-    uint32_t index = accel->world && item > 0 ? accel->world_count + item - 1 : item;
-    const hyk_instance *placed = &accel->view->instances[index];
-    const hyi_bvh *mesh = world ? accel->world : &accel->meshes[placed->mesh];
-    const hyk_ray *ray = walk->ray;
-    float origin[3] = {ray->origin.x, ray->origin.y, ray->origin.z};
-    float direction[3] = {ray->direction.x, ray->direction.y, ray->direction.z};
+    hyi_site site;
+    site.accel = accel;
+    site.instance = accel->world && item > 0 ? accel->world_count + item - 1 : item;
+    uint32_t mesh = accel->view->instances[site.instance].mesh;
+    site.bvh = world ? accel->world : &accel->meshes[mesh];
+    site.asks_alpha = world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh];
+    return site;
+}
+
+/* A ray from the tree over instances in the tree of one of them; false: it meets nothing there. The direction is not
+   renormalised: t means the same below. One copy for all instruction sets: it rounds. */
+HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, const hyi_site *site) {
+    const hyk_instance *placed = &site->accel->view->instances[site->instance];
+    hyk_ray ray = hyi_load_ray(above->ray);
+    float origin[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
+    float direction[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
     if (!(placed->flags & HYK_INSTANCE_IDENTITY)) {
         float o[3] = {origin[0], origin[1], origin[2]}, d[3] = {direction[0], direction[1], direction[2]};
         origin[0] = hyi_transform_row(placed->inverse0, placed->s0, o);
@@ -6180,256 +6268,3435 @@ HYI_NOINLINE void hyi_walk_enter(hyi_walk *walk) {
         direction[1] = hyi_transform_row(placed->inverse1, 0.0f, d);
         direction[2] = hyi_transform_row(placed->inverse2, 0.0f, d);
     }
-    hyi_aim aim;
-    if (mesh->primitive_count == 0 || !hyi_aim_at(&aim, mesh, origin, direction, ray->t_min, walk->best.t, false)) {
-        hyi_walk_pop(walk);
-        return;
-    }
-    walk->upper_aim = walk->aim;
-    walk->aim = aim;
-    walk->bvh = mesh;
-    walk->upper = false;
-    walk->instance = index;
-    walk->asks_alpha = world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[placed->mesh];
-    walk->at = mesh->root;
-    walk->stack[walk->waiting].child = HYI_WALK_UP;
-    walk->stack[walk->waiting++].t = 0.0f;
+    below->ray = above->ray;
+    below->t_min = above->t_min;
+    below->best = above->best;
+    return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, above->best.t, false);
 }
 
-/* Limits end short of HYI_NO_HIT. */
-#define HYI_T_LIMIT 3.0e38f
-HYI_INLINE float hyi_finite_limit(float t_max) { return t_max < HYI_T_LIMIT ? t_max : HYI_T_LIMIT; }
-
-/* Sets a ray on its way through one tree, looking no farther than limit. */
-HYI_NOINLINE void hyi_walk_begin_tree(hyi_walk *walk, const hyi_accel *accel, const hyi_bvh *bvh, const hyk_ray *ray, float limit) {
-    float origin[3] = {ray->origin.x, ray->origin.y, ray->origin.z};
-    float direction[3] = {ray->direction.x, ray->direction.y, ray->direction.z};
-    walk->accel = accel;
-    walk->ray = ray;
-    walk->waiting = 0;
-    walk->instance = 0;
-    walk->bvh = bvh;
-    walk->upper = bvh->rows == NULL;
-    walk->asks_alpha = false;
-    walk->best.t = limit;
-    walk->best.u = walk->best.v = 0.0f;
-    walk->best.instance = walk->best.primitive = HYK_NONE;
-    walk->at = HYI_WALK_ENDED;
-    if (bvh->primitive_count == 0 || !(ray->t_min <= limit)) return;
-    if (hyi_aim_at(&walk->aim, bvh, origin, direction, ray->t_min, limit, walk->upper)) walk->at = bvh->root;
+/* Takes what was found below; returns whether there was something new. */
+HYI_INLINE bool hyi_flight_return(hyi_flight *above, const hyi_flight *below) {
+    bool found = below->best.t != above->best.t || below->best.primitive != above->best.primitive || below->best.instance != above->best.instance;
+    above->best = below->best;
+    if (found) hyi_aim_limit(&above->aim, above->best.t);
+    return found;
 }
 
-/* Sets a ray on its way through the scene. The world alone, or one unmoved mesh, has no upper tree. */
-HYI_INLINE void hyi_walk_begin(hyi_walk *walk, const hyi_accel *accel, const hyk_ray *ray) {
-    uint32_t mesh = accel->single ? accel->view->instances[0].mesh : 0u;
-    const hyi_bvh *bvh = !accel->single ? accel->instances : accel->world ? accel->world : &accel->meshes[mesh];
-    hyi_walk_begin_tree(walk, accel, bvh, ray, hyi_finite_limit(ray->t_max));
-    if (accel->single) walk->asks_alpha = accel->world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh];
-}
+/* What a walk through a tree of boxes calls for each box that the ray meets; true: stop. */
+typedef bool (*hyi_box_visit)(void *argument, hyi_flight *flight, uint32_t item);
 
-HYI_INLINE void hyi_walk_answer(const hyi_walk *walk, hyk_hit *hit) {
-    bool found = walk->best.instance != HYK_NONE;
-    hit->t = found ? walk->best.t : -1.0f;
-    hit->u = walk->best.u;
-    hit->v = walk->best.v;
-    hit->instance = walk->best.instance;
-    hit->primitive = walk->best.primitive;
-    hyi_locate_in_world(walk->accel, &hit->instance, &hit->primitive);
-}
+typedef struct hyi_visit_of {
+    const hyi_accel *accel;
+    bool any;
+} hyi_visit_of;
 
 #endif /* HYI_BVH_WALK_H */
 
-/* >>bvh-avx2: eight boxes or eight triangles at a time */
+/* >>bvh-stream: many rays through a tree together
+
+   A list of rays goes down the tree: at a node each of them meets eight boxes, and its number is put on the list of
+   every child that it enters; the children are then visited nearest first, each with its list. A node is loaded once
+   for many rays, the rays of a list are independent work for the processor, and nothing is guessed by its branch
+   predictor (Barringer, Akenine-Moller 2014, "Dynamic ray stream traversal"; Fuetterling et al. 2015, "Efficient
+   ray tracing kernels for modern CPU architectures").
+
+   Where neighbouring rays are alike, a packet of them takes the site of a ray: its node test is interval arithmetic
+   over the packet (Reshetov, Soupikov, Hurley 2005, "Multi-level ray tracing algorithm"), as dear as that of one ray,
+   and at a leaf a triangle meets all rays of the packet at once.
+
+   Rays of a list have the same signs of direction and the same largest direction component. */
+#ifndef HYI_BVH_STREAM_H
+#define HYI_BVH_STREAM_H
+
+#define HYI_STREAM_RAYS 4096u    /* on their way at a time */
+#define HYI_STREAM_SORTED 65536u /* sorted by direction at a time */
+#define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
+#define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
+#define HYI_PACKET_WIDTH 16u     /* at most */
+#define HYI_RAY_GROUPS 24u           /* eight octants by three largest components */
+
+/* Slopes of the rays of a packet differ by no more than this, and their origins by no more than this share of the
+   tree's size. */
+#define HYI_PACKET_SLOPES 0.6f
+#define HYI_PACKET_ORIGINS 0.02f
+
+/* As many rays as a vector has lanes: bounds of all for the node test, and for triangles what hyi_aim and hyi_best hold
+   of one ray, in the units of the tree, with hyi_aim.unit 1. Lanes beyond the last ray repeat the first one with limits
+   that nothing meets. */
+typedef struct hyi_packet {
+    float origin[3][HYI_PACKET_WIDTH], direction[3][HYI_PACKET_WIDTH], shear[2][HYI_PACKET_WIDTH]; /* in the order of axis */
+    float inverse[3][HYI_PACKET_WIDTH]; /* likewise, of the direction kept from zero */
+    float inverse_z[HYI_PACKET_WIDTH], t_near[HYI_PACKET_WIDTH], t_far[HYI_PACKET_WIDTH], t_min[HYI_PACKET_WIDTH];
+    float best_t[HYI_PACKET_WIDTH];
+    double weights[3][HYI_PACKET_WIDTH]; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
+    uint32_t instance[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t ray[HYI_PACKET_WIDTH];      /* its number among the rays, or flights, that the packet is made of */
+    float near_origin[3], far_origin[3], inverse_low[3], inverse_high[3];
+    float bound[3];                      /* of the error of each origin, by which slabs are thicker */
+    float first_t, last_t;
+    uint32_t count, group;               /* rays; what their directions have in common: see hyi_aim_group */
+} hyi_packet;
+
+/* Memory for streams. */
+typedef struct hyi_ray_stream {
+    uint32_t capacity;     /* rays on their way at a time; 0: none, rays go one by one */
+    uint32_t packet_share; /* packets that they make */
+    uint32_t levels;       /* 1, or 2 where there are instances: flights and packets in the first tree, then in theirs */
+    uint32_t sorted;       /* rays sorted at a time */
+    hyi_packet *packets;   /* levels times packet_share; the block begins here */
+    hyi_flight *flights;   /* levels times capacity */
+    uint32_t *lists;       /* list_count */
+    uint32_t *order;       /* two times sorted */
+    size_t list_count;
+} hyi_ray_stream;
+
+/* Lists in one tree at one time. */
+typedef struct hyi_swarm {
+    hyi_site site;
+    hyi_ray_stream *stream;
+    const hyk_ray *rays; /* of packets; NULL: these are made of flights */
+    hyi_flight *flights;
+    hyi_packet *packets;
+    uint32_t near_plane[3], axis[3]; /* of all rays on a list */
+    bool any;
+} hyi_swarm;
+
+/* Of eight items, which children each meets. */
+typedef union hyi_masks8 {
+    uint8_t bytes[8];
+    uint64_t all;
+} hyi_masks8;
+
+HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
+    return (aim->near_plane[0] & 1u) | (aim->near_plane[1] & 1u) << 1 | (aim->near_plane[2] & 1u) << 2 | aim->axis[2] << 3;
+}
+
+/* What rays of a group have in common. */
+HYI_INLINE void hyi_set_group(hyi_swarm *swarm, uint32_t group) {
+    uint32_t z = group >> 3;
+    for (uint32_t a = 0; a < 3; a++) swarm->near_plane[a] = 2u * a + (group >> a & 1u);
+    swarm->axis[0] = z == 2u ? 0u : z + 1u;
+    swarm->axis[1] = z == 0u ? 2u : z - 1u;
+    swarm->axis[2] = z;
+}
+
+/* Numbers of count keys below HYI_RAY_GROUPS in the order of the keys, stable; first[g] .. first[g + 1]: those of group g. */
+HYI_INLINE void hyi_group(const uint8_t *keys, uint32_t count, uint32_t *order, uint32_t first[HYI_RAY_GROUPS + 1]) {
+    uint32_t next[HYI_RAY_GROUPS] = {0};
+    for (uint32_t i = 0; i < count; i++) next[keys[i]]++;
+    first[0] = 0;
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        first[g + 1] = first[g] + next[g];
+        next[g] = first[g];
+    }
+    for (uint32_t i = 0; i < count; i++) order[next[keys[i]]++] = i;
+}
+
+/* What a child will read first. */
+HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
+    const char *at = hyi_child_is_leaf(child) ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
+    for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
+}
+
+/* Orders the children in mask by t, nearest first; returns how many they are. */
+HYI_INLINE uint32_t hyi_order_children(uint32_t mask, const float t[HYI_WIDTH], uint32_t order[HYI_WIDTH]) {
+    uint32_t count = 0;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t c = hyi_lowest_bit(mask), at = count++;
+        for (; at > 0 && t[order[at - 1u]] > t[c]; at--) order[at] = order[at - 1u];
+        order[at] = c;
+    }
+    return count;
+}
+
+#endif /* HYI_BVH_STREAM_H */
+
+/* >>bvh-scalar: traversal in plain C, for any machine: eight lanes are eight floats */
+#ifndef HYI_BVH_SCALAR_H
+#define HYI_BVH_SCALAR_H
+
+typedef struct hyi_f8 {
+    float v[8];
+} hyi_f8;
+
+#define HYI_EIGHT(name, expression)                   \
+    HYI_INLINE hyi_f8 name(hyi_f8 a, hyi_f8 b) {      \
+        hyi_f8 r;                                     \
+        for (int i = 0; i < 8; i++) r.v[i] = (expression); \
+        return r;                                     \
+    }
+HYI_EIGHT(hyi_sub8_scalar, a.v[i] - b.v[i])
+HYI_EIGHT(hyi_mul8_scalar, a.v[i] * b.v[i])
+HYI_EIGHT(hyi_min8_scalar, b.v[i] < a.v[i] ? b.v[i] : a.v[i])
+HYI_EIGHT(hyi_max8_scalar, b.v[i] > a.v[i] ? b.v[i] : a.v[i])
+#undef HYI_EIGHT
+
+HYI_INLINE hyi_f8 hyi_load8_scalar(const float *p) {
+    hyi_f8 r;
+    memcpy(r.v, p, sizeof r.v);
+    return r;
+}
+
+HYI_INLINE hyi_f8 hyi_set8_scalar(float value) {
+    hyi_f8 r;
+    for (int i = 0; i < 8; i++) r.v[i] = value;
+    return r;
+}
+
+HYI_INLINE hyi_f8 hyi_mad8_scalar(hyi_f8 a, hyi_f8 b, hyi_f8 c) {
+    for (int i = 0; i < 8; i++) a.v[i] = a.v[i] * b.v[i] + c.v[i];
+    return a;
+}
+
+HYI_INLINE hyi_f8 hyi_pin8_scalar(hyi_f8 a) {
+    for (int i = 0; i < 8; i++) a.v[i] = hyi_rounded(a.v[i]);
+    return a;
+}
+
+HYI_INLINE uint32_t hyi_lt8_scalar(hyi_f8 a, hyi_f8 b) {
+    uint32_t mask = 0;
+    for (int i = 0; i < 8; i++) mask |= (a.v[i] < b.v[i] ? 1u : 0u) << i;
+    return mask;
+}
+
+HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
+    uint32_t mask = 0;
+    for (int i = 0; i < 8; i++) mask |= (a.v[i] <= b.v[i] ? 1u : 0u) << i;
+    return mask;
+}
+
+#define HYI_TARGET
+#define HYI_I(name) name##_scalar
+#define HYI_F8 hyi_f8
+#define HYI_M8 uint32_t
+#define HYI_LOAD8(p) hyi_load8_scalar(p)
+#define HYI_LOADU8(p) hyi_load8_scalar(p)
+#define HYI_STORE8(p, a) memcpy(p, (a).v, sizeof (a).v)
+#define HYI_SET8(value) hyi_set8_scalar(value)
+#define HYI_ZERO8() hyi_set8_scalar(0.0f)
+#define HYI_SUB8(a, b) hyi_sub8_scalar(a, b)
+#define HYI_MUL8(a, b) hyi_mul8_scalar(a, b)
+#define HYI_MAD8(a, b, c) hyi_mad8_scalar(a, b, c)
+#define HYI_MIN8(a, b) hyi_min8_scalar(a, b)
+#define HYI_MAX8(a, b) hyi_max8_scalar(a, b)
+#define HYI_LT8(a, b) hyi_lt8_scalar(a, b)
+#define HYI_LE8(a, b) hyi_le8_scalar(a, b)
+#define HYI_AND8(a, b) ((a) & (b))
+#define HYI_OR8(a, b) ((a) | (b))
+#define HYI_BITS8(m) (m)
+#define HYI_PIN8(a) hyi_pin8_scalar(a)
+/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+
+   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
+
+
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+    HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
+    HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
+    HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
+    HYI_F8 nz = HYI_MAD8(near_planes[2], iz, HYI_SET8(aim->near_offset[2]));
+    HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
+    HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
+    HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+    return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+}
+
+/* Bits of the children that the ray meets, and where it enters them. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
+    HYI_F8 near_planes[3], far_planes[3], t;
+    for (int a = 0; a < 3; a++) {
+        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
+        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+    }
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    HYI_STORE8(enter, t);
+    return mask;
+}
+
+/* A corner in the sheared frame, eight triangles at once. */
+typedef struct HYI_I(hyi_corners) {
+    HYI_F8 x, y, z;
+} HYI_I(hyi_corners);
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+    HYI_I(hyi_corners) p;
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
+    return p;
+}
+
+/* p.x q.y - p.y q.x */
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_corners) q) {
+    return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
+}
+
+/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
+   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
+    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
+    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
+    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
+    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
+    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
+    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
+    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
+    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
+    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
+}
+
+/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
+    bool found = false;
+    for (; mask; mask &= mask - 1u) {
+        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+        if (found && any) break;
+    }
+    return found;
+}
+
+/* One ray through a tree of triangles, from child at on. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
+    const hyi_node *nodes = site->bvh->nodes;
+    hyi_waiting stack[HYI_STACK], *top = stack;
+    for (;;) {
+        while (!hyi_child_is_leaf(at)) {
+            const hyi_node *node = &nodes[at];
+            float enter[8];
+            uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
+            at = HYI_CHILD_NONE;
+            if (!mask) break;
+            uint32_t first = hyi_lowest_bit(mask);
+            mask &= mask - 1u;
+            at = node->child[first];
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+        }
+        if (at != HYI_CHILD_NONE) {
+            if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
+        }
+        do {
+            if (top == stack) return;
+            top--;
+        } while (top->t > flight->aim.t_far);
+        at = top->child;
+    }
+}
+
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_closest)(const hyi_site *site, hyi_flight *flight, uint32_t at) {
+    HYI_I(hyi_walk_triangles)(site, flight, at, false);
+}
+
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_any)(const hyi_site *site, hyi_flight *flight, uint32_t at) {
+    HYI_I(hyi_walk_triangles)(site, flight, at, true);
+}
+
+/* One ray through a tree of boxes; visit is called for each box met and says whether to stop. */
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_flight *flight, uint32_t at, hyi_box_visit visit, void *argument) {
+    hyi_waiting stack[HYI_STACK], *top = stack;
+    for (;;) {
+        if (hyi_child_is_leaf(at)) {
+            if (visit(argument, flight, bvh->ids[hyi_leaf_first(at)])) return;
+        } else {
+            float enter[8];
+            const hyi_node *node = &bvh->nodes[at];
+            uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
+            if (mask) {
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                top->child = nearest;
+                top++->t = -FLT_MAX;
+            }
+        }
+        do {
+            if (top == stack) return;
+            top--;
+        } while (top->t > flight->aim.t_far);
+        at = top->child;
+    }
+}
+
+/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
+    const hyi_visit_of *of = (const hyi_visit_of *)argument;
+    hyi_site site = hyi_site_of_item(of->accel, item);
+    hyi_flight below;
+    if (!hyi_flight_enter(&below, flight, &site)) return false;
+    if (of->any) HYI_I(hyi_walk_any)(&site, &below, site.bvh->root);
+    else HYI_I(hyi_walk_closest)(&site, &below, site.bvh->root);
+    return hyi_flight_return(flight, &below) && of->any;
+}
+
+/* One ray through the scene, or through what is left of it below a child of its first tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
+    hyi_visit_of of;
+    if (site->bvh->rows && any) {
+        HYI_I(hyi_walk_any)(site, flight, at);
+    } else if (site->bvh->rows) {
+        HYI_I(hyi_walk_closest)(site, flight, at);
+    } else {
+        of.accel = site->accel;
+        of.any = any;
+        HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
+    }
+}
+/* The words of one instruction set end here. */
+#undef HYI_ADD2
+#undef HYI_ADD4
+#undef HYI_ADDD
+#undef HYI_ADDW
+#undef HYI_ALLW
+#undef HYI_AND4
+#undef HYI_AND8
+#undef HYI_ANDW
+#undef HYI_AS_FLOATS
+#undef HYI_BITS2_2
+#undef HYI_BITS4_4
+#undef HYI_BITS8
+#undef HYI_BITSW
+#undef HYI_CHOOSE4
+#undef HYI_CLEAR_MASKS
+#undef HYI_D2
+#undef HYI_DEAL
+#undef HYI_DIV2
+#undef HYI_DIV4
+#undef HYI_DIVD
+#undef HYI_DIVW
+#undef HYI_F4
+#undef HYI_F8
+#undef HYI_FD
+#undef HYI_FW
+#undef HYI_GREATEST4
+#undef HYI_GREATESTW
+#undef HYI_HALFD
+#undef HYI_HIGH_AS_DOUBLES
+#undef HYI_I
+#undef HYI_LANES
+#undef HYI_LE4
+#undef HYI_LE8
+#undef HYI_LEAST4
+#undef HYI_LEASTW
+#undef HYI_LEW
+#undef HYI_LOAD4
+#undef HYI_LOAD4_ALIGNED
+#undef HYI_LOAD8
+#undef HYI_LOADU8
+#undef HYI_LOADW
+#undef HYI_LOW_AS_DOUBLES
+#undef HYI_LT2
+#undef HYI_LT4
+#undef HYI_LT8
+#undef HYI_LTD
+#undef HYI_LTW
+#undef HYI_M4
+#undef HYI_M8
+#undef HYI_MAD4
+#undef HYI_MAD8
+#undef HYI_MASKS
+#undef HYI_MAX2
+#undef HYI_MAX4
+#undef HYI_MAX8
+#undef HYI_MAXD
+#undef HYI_MAXW
+#undef HYI_MIN2
+#undef HYI_MIN4
+#undef HYI_MIN8
+#undef HYI_MIN8_WHERE
+#undef HYI_MIND
+#undef HYI_MINW
+#undef HYI_MOVE4
+#undef HYI_MUL2
+#undef HYI_MUL4
+#undef HYI_MUL8
+#undef HYI_MULD
+#undef HYI_MULW
+#undef HYI_MW
+#undef HYI_OR4
+#undef HYI_OR8
+#undef HYI_ORW
+#undef HYI_PIN2
+#undef HYI_PIN4
+#undef HYI_PIN8
+#undef HYI_PIND
+#undef HYI_PINW
+#undef HYI_SET2
+#undef HYI_SET4
+#undef HYI_SET8
+#undef HYI_SETD
+#undef HYI_SETW
+#undef HYI_STORE2
+#undef HYI_STORE4
+#undef HYI_STORE8
+#undef HYI_STORED
+#undef HYI_STOREH
+#undef HYI_STOREW
+#undef HYI_SUB2
+#undef HYI_SUB4
+#undef HYI_SUB8
+#undef HYI_SUBD
+#undef HYI_SUBW
+#undef HYI_TARGET
+#undef HYI_ZERO8
+#undef HYI_ZEROW
+
+#endif /* HYI_BVH_SCALAR_H */
+
+/* >>bvh-avx2: traversal in the words of AVX2: eight rays a packet */
 #ifndef HYI_BVH_AVX2_H
 #define HYI_BVH_AVX2_H
 
 #if HYI_X86
 
-/* Keeps a value as rounded: see hyi_rounded. */
-HYI_INLINE HYI_AVX2 __m256 hyi_rounded8(__m256 value) {
+HYI_INLINE HYI_AVX2 __m256d hyi_pin_double_avx2(__m256d value) {
 #if HYI_GNU
     __asm__("" : "+x"(value));
 #endif
     return value;
 }
 
-typedef union hyi_eight {
-    __m256 lanes;
-    float t[HYI_WIDTH];
-} hyi_eight;
-
-/* A ray's side of the slab test, in every lane. */
-typedef struct hyi_slabs8 {
-    __m256 near_x, near_y, near_z, far_x, far_y, far_z, inverse_x, inverse_y, inverse_z, t_near;
-    size_t row_x, row_y, row_z; /* bytes from the node to the planes met first; the others are at ^ 32 */
-} hyi_slabs8;
-
-HYI_INLINE HYI_AVX2 hyi_slabs8 hyi_load_slabs8(const hyi_aim *aim) {
-    hyi_slabs8 s;
-    s.near_x = _mm256_broadcast_ss(&aim->near_origin[0]);
-    s.near_y = _mm256_broadcast_ss(&aim->near_origin[1]);
-    s.near_z = _mm256_broadcast_ss(&aim->near_origin[2]);
-    s.far_x = _mm256_broadcast_ss(&aim->far_origin[0]);
-    s.far_y = _mm256_broadcast_ss(&aim->far_origin[1]);
-    s.far_z = _mm256_broadcast_ss(&aim->far_origin[2]);
-    s.inverse_x = _mm256_broadcast_ss(&aim->inverse[0]);
-    s.inverse_y = _mm256_broadcast_ss(&aim->inverse[1]);
-    s.inverse_z = _mm256_broadcast_ss(&aim->inverse[2]);
-    s.t_near = _mm256_broadcast_ss(&aim->t_near);
-    s.row_x = aim->near_plane[0] * sizeof(__m256);
-    s.row_y = aim->near_plane[1] * sizeof(__m256);
-    s.row_z = aim->near_plane[2] * sizeof(__m256);
-    return s;
+HYI_INLINE HYI_AVX2 __m256 hyi_pin8_avx2(__m256 value) {
+#if HYI_GNU
+    __asm__("" : "+x"(value));
+#endif
+    return value;
 }
 
-HYI_INLINE HYI_AVX2 __m256 hyi_slab8(const hyi_node *node, size_t row, __m256 origin, __m256 inverse) {
-    __m256 planes = _mm256_load_ps((const float *)(const void *)((const char *)node + row));
-    return _mm256_mul_ps(_mm256_sub_ps(planes, origin), inverse);
+HYI_INLINE HYI_AVX2 float hyi_greatest_avx2(__m256 a) {
+    __m128 four = _mm_max_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
+    __m128 two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+    return _mm_cvtss_f32(_mm_max_ss(two, _mm_shuffle_ps(two, two, 1)));
+}
+
+/* By mask: the numbers of its set bits, lowest first. */
+static const uint8_t hyi_front[256][8] = {
+    {0,0,0,0,0,0,0,0}, {0,0,0,0,0,0,0,0}, {1,0,0,0,0,0,0,0}, {0,1,0,0,0,0,0,0},
+    {2,0,0,0,0,0,0,0}, {0,2,0,0,0,0,0,0}, {1,2,0,0,0,0,0,0}, {0,1,2,0,0,0,0,0},
+    {3,0,0,0,0,0,0,0}, {0,3,0,0,0,0,0,0}, {1,3,0,0,0,0,0,0}, {0,1,3,0,0,0,0,0},
+    {2,3,0,0,0,0,0,0}, {0,2,3,0,0,0,0,0}, {1,2,3,0,0,0,0,0}, {0,1,2,3,0,0,0,0},
+    {4,0,0,0,0,0,0,0}, {0,4,0,0,0,0,0,0}, {1,4,0,0,0,0,0,0}, {0,1,4,0,0,0,0,0},
+    {2,4,0,0,0,0,0,0}, {0,2,4,0,0,0,0,0}, {1,2,4,0,0,0,0,0}, {0,1,2,4,0,0,0,0},
+    {3,4,0,0,0,0,0,0}, {0,3,4,0,0,0,0,0}, {1,3,4,0,0,0,0,0}, {0,1,3,4,0,0,0,0},
+    {2,3,4,0,0,0,0,0}, {0,2,3,4,0,0,0,0}, {1,2,3,4,0,0,0,0}, {0,1,2,3,4,0,0,0},
+    {5,0,0,0,0,0,0,0}, {0,5,0,0,0,0,0,0}, {1,5,0,0,0,0,0,0}, {0,1,5,0,0,0,0,0},
+    {2,5,0,0,0,0,0,0}, {0,2,5,0,0,0,0,0}, {1,2,5,0,0,0,0,0}, {0,1,2,5,0,0,0,0},
+    {3,5,0,0,0,0,0,0}, {0,3,5,0,0,0,0,0}, {1,3,5,0,0,0,0,0}, {0,1,3,5,0,0,0,0},
+    {2,3,5,0,0,0,0,0}, {0,2,3,5,0,0,0,0}, {1,2,3,5,0,0,0,0}, {0,1,2,3,5,0,0,0},
+    {4,5,0,0,0,0,0,0}, {0,4,5,0,0,0,0,0}, {1,4,5,0,0,0,0,0}, {0,1,4,5,0,0,0,0},
+    {2,4,5,0,0,0,0,0}, {0,2,4,5,0,0,0,0}, {1,2,4,5,0,0,0,0}, {0,1,2,4,5,0,0,0},
+    {3,4,5,0,0,0,0,0}, {0,3,4,5,0,0,0,0}, {1,3,4,5,0,0,0,0}, {0,1,3,4,5,0,0,0},
+    {2,3,4,5,0,0,0,0}, {0,2,3,4,5,0,0,0}, {1,2,3,4,5,0,0,0}, {0,1,2,3,4,5,0,0},
+    {6,0,0,0,0,0,0,0}, {0,6,0,0,0,0,0,0}, {1,6,0,0,0,0,0,0}, {0,1,6,0,0,0,0,0},
+    {2,6,0,0,0,0,0,0}, {0,2,6,0,0,0,0,0}, {1,2,6,0,0,0,0,0}, {0,1,2,6,0,0,0,0},
+    {3,6,0,0,0,0,0,0}, {0,3,6,0,0,0,0,0}, {1,3,6,0,0,0,0,0}, {0,1,3,6,0,0,0,0},
+    {2,3,6,0,0,0,0,0}, {0,2,3,6,0,0,0,0}, {1,2,3,6,0,0,0,0}, {0,1,2,3,6,0,0,0},
+    {4,6,0,0,0,0,0,0}, {0,4,6,0,0,0,0,0}, {1,4,6,0,0,0,0,0}, {0,1,4,6,0,0,0,0},
+    {2,4,6,0,0,0,0,0}, {0,2,4,6,0,0,0,0}, {1,2,4,6,0,0,0,0}, {0,1,2,4,6,0,0,0},
+    {3,4,6,0,0,0,0,0}, {0,3,4,6,0,0,0,0}, {1,3,4,6,0,0,0,0}, {0,1,3,4,6,0,0,0},
+    {2,3,4,6,0,0,0,0}, {0,2,3,4,6,0,0,0}, {1,2,3,4,6,0,0,0}, {0,1,2,3,4,6,0,0},
+    {5,6,0,0,0,0,0,0}, {0,5,6,0,0,0,0,0}, {1,5,6,0,0,0,0,0}, {0,1,5,6,0,0,0,0},
+    {2,5,6,0,0,0,0,0}, {0,2,5,6,0,0,0,0}, {1,2,5,6,0,0,0,0}, {0,1,2,5,6,0,0,0},
+    {3,5,6,0,0,0,0,0}, {0,3,5,6,0,0,0,0}, {1,3,5,6,0,0,0,0}, {0,1,3,5,6,0,0,0},
+    {2,3,5,6,0,0,0,0}, {0,2,3,5,6,0,0,0}, {1,2,3,5,6,0,0,0}, {0,1,2,3,5,6,0,0},
+    {4,5,6,0,0,0,0,0}, {0,4,5,6,0,0,0,0}, {1,4,5,6,0,0,0,0}, {0,1,4,5,6,0,0,0},
+    {2,4,5,6,0,0,0,0}, {0,2,4,5,6,0,0,0}, {1,2,4,5,6,0,0,0}, {0,1,2,4,5,6,0,0},
+    {3,4,5,6,0,0,0,0}, {0,3,4,5,6,0,0,0}, {1,3,4,5,6,0,0,0}, {0,1,3,4,5,6,0,0},
+    {2,3,4,5,6,0,0,0}, {0,2,3,4,5,6,0,0}, {1,2,3,4,5,6,0,0}, {0,1,2,3,4,5,6,0},
+    {7,0,0,0,0,0,0,0}, {0,7,0,0,0,0,0,0}, {1,7,0,0,0,0,0,0}, {0,1,7,0,0,0,0,0},
+    {2,7,0,0,0,0,0,0}, {0,2,7,0,0,0,0,0}, {1,2,7,0,0,0,0,0}, {0,1,2,7,0,0,0,0},
+    {3,7,0,0,0,0,0,0}, {0,3,7,0,0,0,0,0}, {1,3,7,0,0,0,0,0}, {0,1,3,7,0,0,0,0},
+    {2,3,7,0,0,0,0,0}, {0,2,3,7,0,0,0,0}, {1,2,3,7,0,0,0,0}, {0,1,2,3,7,0,0,0},
+    {4,7,0,0,0,0,0,0}, {0,4,7,0,0,0,0,0}, {1,4,7,0,0,0,0,0}, {0,1,4,7,0,0,0,0},
+    {2,4,7,0,0,0,0,0}, {0,2,4,7,0,0,0,0}, {1,2,4,7,0,0,0,0}, {0,1,2,4,7,0,0,0},
+    {3,4,7,0,0,0,0,0}, {0,3,4,7,0,0,0,0}, {1,3,4,7,0,0,0,0}, {0,1,3,4,7,0,0,0},
+    {2,3,4,7,0,0,0,0}, {0,2,3,4,7,0,0,0}, {1,2,3,4,7,0,0,0}, {0,1,2,3,4,7,0,0},
+    {5,7,0,0,0,0,0,0}, {0,5,7,0,0,0,0,0}, {1,5,7,0,0,0,0,0}, {0,1,5,7,0,0,0,0},
+    {2,5,7,0,0,0,0,0}, {0,2,5,7,0,0,0,0}, {1,2,5,7,0,0,0,0}, {0,1,2,5,7,0,0,0},
+    {3,5,7,0,0,0,0,0}, {0,3,5,7,0,0,0,0}, {1,3,5,7,0,0,0,0}, {0,1,3,5,7,0,0,0},
+    {2,3,5,7,0,0,0,0}, {0,2,3,5,7,0,0,0}, {1,2,3,5,7,0,0,0}, {0,1,2,3,5,7,0,0},
+    {4,5,7,0,0,0,0,0}, {0,4,5,7,0,0,0,0}, {1,4,5,7,0,0,0,0}, {0,1,4,5,7,0,0,0},
+    {2,4,5,7,0,0,0,0}, {0,2,4,5,7,0,0,0}, {1,2,4,5,7,0,0,0}, {0,1,2,4,5,7,0,0},
+    {3,4,5,7,0,0,0,0}, {0,3,4,5,7,0,0,0}, {1,3,4,5,7,0,0,0}, {0,1,3,4,5,7,0,0},
+    {2,3,4,5,7,0,0,0}, {0,2,3,4,5,7,0,0}, {1,2,3,4,5,7,0,0}, {0,1,2,3,4,5,7,0},
+    {6,7,0,0,0,0,0,0}, {0,6,7,0,0,0,0,0}, {1,6,7,0,0,0,0,0}, {0,1,6,7,0,0,0,0},
+    {2,6,7,0,0,0,0,0}, {0,2,6,7,0,0,0,0}, {1,2,6,7,0,0,0,0}, {0,1,2,6,7,0,0,0},
+    {3,6,7,0,0,0,0,0}, {0,3,6,7,0,0,0,0}, {1,3,6,7,0,0,0,0}, {0,1,3,6,7,0,0,0},
+    {2,3,6,7,0,0,0,0}, {0,2,3,6,7,0,0,0}, {1,2,3,6,7,0,0,0}, {0,1,2,3,6,7,0,0},
+    {4,6,7,0,0,0,0,0}, {0,4,6,7,0,0,0,0}, {1,4,6,7,0,0,0,0}, {0,1,4,6,7,0,0,0},
+    {2,4,6,7,0,0,0,0}, {0,2,4,6,7,0,0,0}, {1,2,4,6,7,0,0,0}, {0,1,2,4,6,7,0,0},
+    {3,4,6,7,0,0,0,0}, {0,3,4,6,7,0,0,0}, {1,3,4,6,7,0,0,0}, {0,1,3,4,6,7,0,0},
+    {2,3,4,6,7,0,0,0}, {0,2,3,4,6,7,0,0}, {1,2,3,4,6,7,0,0}, {0,1,2,3,4,6,7,0},
+    {5,6,7,0,0,0,0,0}, {0,5,6,7,0,0,0,0}, {1,5,6,7,0,0,0,0}, {0,1,5,6,7,0,0,0},
+    {2,5,6,7,0,0,0,0}, {0,2,5,6,7,0,0,0}, {1,2,5,6,7,0,0,0}, {0,1,2,5,6,7,0,0},
+    {3,5,6,7,0,0,0,0}, {0,3,5,6,7,0,0,0}, {1,3,5,6,7,0,0,0}, {0,1,3,5,6,7,0,0},
+    {2,3,5,6,7,0,0,0}, {0,2,3,5,6,7,0,0}, {1,2,3,5,6,7,0,0}, {0,1,2,3,5,6,7,0},
+    {4,5,6,7,0,0,0,0}, {0,4,5,6,7,0,0,0}, {1,4,5,6,7,0,0,0}, {0,1,4,5,6,7,0,0},
+    {2,4,5,6,7,0,0,0}, {0,2,4,5,6,7,0,0}, {1,2,4,5,6,7,0,0}, {0,1,2,4,5,6,7,0},
+    {3,4,5,6,7,0,0,0}, {0,3,4,5,6,7,0,0}, {1,3,4,5,6,7,0,0}, {0,1,3,4,5,6,7,0},
+    {2,3,4,5,6,7,0,0}, {0,2,3,4,5,6,7,0}, {1,2,3,4,5,6,7,0}, {0,1,2,3,4,5,6,7},
+};
+
+/* Appends eight items to the lists of the children that their masks name. The items whose bit is set are moved to the
+   front by a permutation from a table. */
+HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
+    __m256i all = _mm256_loadu_si256((const __m256i *)(const void *)items);
+    __m128i bits = _mm_loadl_epi64((const __m128i *)(const void *)masks->bytes);
+    for (int c = 7; c >= 0; c--) { /* the highest bit of each byte is the child's */
+        uint32_t takes = (uint32_t)_mm_movemask_epi8(bits) & 0xffu;
+        bits = _mm_add_epi8(bits, bits);
+        __m256i places = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)hyi_front[takes]));
+        _mm256_storeu_si256((__m256i *)(void *)(lists + (size_t)(uint32_t)c * stride + dealt[c]), _mm256_permutevar8x32_epi32(all, places));
+        dealt[c] += (uint32_t)_mm_popcnt_u32(takes);
+    }
+}
+
+#define HYI_TARGET HYI_AVX2
+#define HYI_I(name) name##_avx2
+#define HYI_F8 __m256
+#define HYI_M8 __m256
+#define HYI_LOAD8(p) _mm256_load_ps(p)
+#define HYI_LOADU8(p) _mm256_loadu_ps(p)
+#define HYI_STORE8(p, a) _mm256_storeu_ps(p, a)
+#define HYI_SET8(value) _mm256_set1_ps(value)
+#define HYI_ZERO8() _mm256_setzero_ps()
+#define HYI_SUB8(a, b) _mm256_sub_ps(a, b)
+#define HYI_MUL8(a, b) _mm256_mul_ps(a, b)
+#define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
+#define HYI_MIN8(a, b) _mm256_min_ps(a, b)
+#define HYI_MAX8(a, b) _mm256_max_ps(a, b)
+#define HYI_LT8(a, b) _mm256_cmp_ps(a, b, _CMP_LT_OQ)
+#define HYI_LE8(a, b) _mm256_cmp_ps(a, b, _CMP_LE_OQ)
+#define HYI_AND8(a, b) _mm256_and_ps(a, b)
+#define HYI_OR8(a, b) _mm256_or_ps(a, b)
+#define HYI_BITS8(m) ((uint32_t)_mm256_movemask_ps(m))
+#define HYI_MIN8_WHERE(a, m, b) _mm256_blendv_ps(a, _mm256_min_ps(a, b), m)
+#define HYI_PIN8(a) hyi_pin8_avx2(a)
+#define HYI_LANES 8u
+#define HYI_ALLW 0xffu
+#define HYI_FW __m256
+#define HYI_MW __m256
+#define HYI_LOADW(p) _mm256_loadu_ps(p)
+#define HYI_SETW(value) _mm256_set1_ps(value)
+#define HYI_ZEROW() _mm256_setzero_ps()
+#define HYI_SUBW(a, b) _mm256_sub_ps(a, b)
+#define HYI_MULW(a, b) _mm256_mul_ps(a, b)
+#define HYI_MINW(a, b) _mm256_min_ps(a, b)
+#define HYI_MAXW(a, b) _mm256_max_ps(a, b)
+#define HYI_LTW(a, b) _mm256_cmp_ps(a, b, _CMP_LT_OQ)
+#define HYI_ANDW(a, b) _mm256_and_ps(a, b)
+#define HYI_ORW(a, b) _mm256_or_ps(a, b)
+#define HYI_BITSW(m) ((uint32_t)_mm256_movemask_ps(m))
+#define HYI_PINW(a) hyi_pin8_avx2(a)
+#define HYI_GREATESTW(a) hyi_greatest_avx2(a)
+#define HYI_DEAL 8u
+#define HYI_MASKS hyi_masks8
+#define HYI_CLEAR_MASKS(masks) ((masks).all = 0)
+
+#define HYI_STOREW(p, a) _mm256_storeu_ps(p, a)
+#define HYI_ADDW(a, b) _mm256_add_ps(a, b)
+#define HYI_DIVW(a, b) _mm256_div_ps(a, b)
+#define HYI_LEW(a, b) _mm256_cmp_ps(a, b, _CMP_LE_OQ)
+#define HYI_LEASTW(a) (-hyi_greatest_avx2(_mm256_sub_ps(_mm256_setzero_ps(), a)))
+#define HYI_FD __m256d
+#define HYI_SETD(value) _mm256_set1_pd(value)
+#define HYI_HALFD(a, half) _mm256_cvtps_pd((half) ? _mm256_extractf128_ps(a, 1) : _mm256_castps256_ps128(a))
+#define HYI_STORED(p, a) _mm256_storeu_pd(p, a)
+#define HYI_STOREH(p, half, a) _mm_storeu_ps((p) + 4 * (half), _mm256_cvtpd_ps(a))
+#define HYI_ADDD(a, b) _mm256_add_pd(a, b)
+#define HYI_SUBD(a, b) _mm256_sub_pd(a, b)
+#define HYI_MULD(a, b) _mm256_mul_pd(a, b)
+#define HYI_DIVD(a, b) _mm256_div_pd(a, b)
+#define HYI_MIND(a, b) _mm256_min_pd(a, b)
+#define HYI_MAXD(a, b) _mm256_max_pd(a, b)
+#define HYI_LTD(a, b) ((uint32_t)_mm256_movemask_pd(_mm256_cmp_pd(a, b, _CMP_LT_OQ)))
+#define HYI_PIND(a) hyi_pin_double_avx2(a)
+/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+
+   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
+
+
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+    HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
+    HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
+    HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
+    HYI_F8 nz = HYI_MAD8(near_planes[2], iz, HYI_SET8(aim->near_offset[2]));
+    HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
+    HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
+    HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+    return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
 }
 
 /* Bits of the children that the ray meets, and where it enters them. */
-HYI_INLINE HYI_AVX2 uint32_t hyi_boxes_avx2(const hyi_slabs8 *s, const hyi_node *node, __m256 t_far, hyi_eight *t) {
-    __m256 nx = hyi_slab8(node, s->row_x, s->near_x, s->inverse_x), fx = hyi_slab8(node, s->row_x ^ 32u, s->far_x, s->inverse_x);
-    __m256 ny = hyi_slab8(node, s->row_y, s->near_y, s->inverse_y), fy = hyi_slab8(node, s->row_y ^ 32u, s->far_y, s->inverse_y);
-    __m256 nz = hyi_slab8(node, s->row_z, s->near_z, s->inverse_z), fz = hyi_slab8(node, s->row_z ^ 32u, s->far_z, s->inverse_z);
-    __m256 enter = _mm256_max_ps(_mm256_max_ps(nx, ny), _mm256_max_ps(nz, s->t_near));
-    __m256 leave = _mm256_min_ps(_mm256_min_ps(fx, fy), _mm256_min_ps(fz, t_far));
-    t->lanes = enter;
-    return (uint32_t)_mm256_movemask_ps(_mm256_cmp_ps(enter, leave, _CMP_LE_OQ));
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
+    HYI_F8 near_planes[3], far_planes[3], t;
+    for (int a = 0; a < 3; a++) {
+        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
+        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+    }
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    HYI_STORE8(enter, t);
+    return mask;
 }
 
-/* Corners in the sheared frame, eight at once. */
-typedef struct hyi_corner8 {
-    __m256 x, y, z;
-} hyi_corner8;
+/* A corner in the sheared frame, eight triangles at once. */
+typedef struct HYI_I(hyi_corners) {
+    HYI_F8 x, y, z;
+} HYI_I(hyi_corners);
 
-HYI_INLINE HYI_AVX2 hyi_corner8 hyi_shear8(const hyi_aim *aim, const float *row, uint32_t stride) {
-    hyi_corner8 p;
-    p.z = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[2] * stride), _mm256_broadcast_ss(&aim->origin[2])));
-    __m256 dx = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[0] * stride), _mm256_broadcast_ss(&aim->origin[0])));
-    __m256 dy = hyi_rounded8(_mm256_sub_ps(_mm256_loadu_ps(row + aim->axis[1] * stride), _mm256_broadcast_ss(&aim->origin[1])));
-    p.x = hyi_rounded8(_mm256_sub_ps(dx, hyi_rounded8(_mm256_mul_ps(_mm256_broadcast_ss(&aim->shear[0]), p.z))));
-    p.y = hyi_rounded8(_mm256_sub_ps(dy, hyi_rounded8(_mm256_mul_ps(_mm256_broadcast_ss(&aim->shear[1]), p.z))));
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+    HYI_I(hyi_corners) p;
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
     return p;
 }
 
 /* p.x q.y - p.y q.x */
-HYI_INLINE HYI_AVX2 __m256 hyi_cross8(hyi_corner8 p, hyi_corner8 q) {
-    return _mm256_sub_ps(hyi_rounded8(_mm256_mul_ps(p.x, q.y)), hyi_rounded8(_mm256_mul_ps(p.y, q.x)));
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_corners) q) {
+    return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-/* Lanes whose corners all lie beyond one of the limits: t of a hit is a mean of t at the corners. */
-HYI_INLINE HYI_AVX2 __m256 hyi_beyond8(const hyi_aim *aim, __m256 az, __m256 bz, __m256 cz) {
-    __m256 scale = _mm256_broadcast_ss(&aim->inverse_z);
-    __m256 a = _mm256_mul_ps(az, scale), b = _mm256_mul_ps(bz, scale), c = _mm256_mul_ps(cz, scale);
-    __m256 first = _mm256_min_ps(_mm256_min_ps(a, b), c), last = _mm256_max_ps(_mm256_max_ps(a, b), c);
-    return _mm256_or_ps(_mm256_cmp_ps(first, _mm256_broadcast_ss(&aim->t_far), _CMP_GT_OQ),
-                        _mm256_cmp_ps(last, _mm256_broadcast_ss(&aim->t_near), _CMP_LT_OQ));
+/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
+   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
+    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
+    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
+    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
+    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
+    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
+    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
+    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
+    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
+    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
 }
 
-/* Bits of the triangles that need a closer look. Lanes past count hold other triangles of the tree, or zeros. */
-HYI_INLINE HYI_AVX2 uint32_t hyi_triangles_avx2(const hyi_aim *aim, const float *rows, uint32_t count) {
-    hyi_corner8 p = hyi_shear8(aim, rows, count), q = hyi_shear8(aim, rows + 3u * count, count), r = hyi_shear8(aim, rows + 6u * count, count);
-    __m256 a = hyi_cross8(r, q), b = hyi_cross8(p, r), c = hyi_cross8(q, p);
-    __m256 zero = _mm256_setzero_ps();
-    __m256 below = _mm256_cmp_ps(_mm256_min_ps(_mm256_min_ps(a, b), c), zero, _CMP_LT_OQ);
-    __m256 above = _mm256_cmp_ps(_mm256_max_ps(_mm256_max_ps(a, b), c), zero, _CMP_GT_OQ);
-    __m256 out = _mm256_or_ps(_mm256_and_ps(below, above), hyi_beyond8(aim, p.z, q.z, r.z));
-    return ~(uint32_t)_mm256_movemask_ps(out) & ((1u << count) - 1u);
+/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
+    bool found = false;
+    for (; mask; mask &= mask - 1u) {
+        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+        if (found && any) break;
+    }
+    return found;
 }
 
-/* One node of a tree that is not the innermost: boxes of instances or of light shapes. */
-HYI_NOINLINE HYI_AVX2 void hyi_visit_node_avx2(hyi_walk *walk) {
-    const hyi_node *node = &walk->bvh->nodes[walk->at];
-    hyi_eight near_t;
-    hyi_slabs8 slabs = hyi_load_slabs8(&walk->aim);
-    uint32_t mask = hyi_boxes_avx2(&slabs, node, _mm256_broadcast_ss(&walk->aim.t_far), &near_t);
-    _mm256_zeroupper();
-    if (mask) hyi_walk_descend(walk, node->child, near_t.t, mask);
-    else hyi_walk_pop(walk);
-}
-
-/* The whole way through a tree of triangles, from the child that the walk stands at until nothing that
-   was put on the stack since is left. The ray stays in registers. */
-HYI_INLINE HYI_AVX2 void hyi_walk_mesh_avx2(hyi_walk *walk, uint32_t flags) {
-    const hyi_node *nodes = walk->bvh->nodes;
-    const hyi_slabs8 slabs = hyi_load_slabs8(&walk->aim);
-    hyi_waiting *base = walk->stack + walk->waiting, *top = base;
-    float t_far = walk->aim.t_far;
-    uint32_t at = walk->at;
+/* One ray through a tree of triangles, from child at on. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
+    const hyi_node *nodes = site->bvh->nodes;
+    hyi_waiting stack[HYI_STACK], *top = stack;
     for (;;) {
         while (!hyi_child_is_leaf(at)) {
             const hyi_node *node = &nodes[at];
-            hyi_eight near_t;
-            uint32_t mask = hyi_boxes_avx2(&slabs, node, _mm256_set1_ps(t_far), &near_t);
+            float enter[8];
+            uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             at = HYI_CHILD_NONE;
             if (!mask) break;
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
-            if (mask) at = hyi_push_farther(&top, node->child, near_t.t, first, mask);
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
         }
         if (at != HYI_CHILD_NONE) {
-            walk->at = at;
-            uint32_t mask = hyi_triangles_avx2(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(at));
-            if (mask && hyi_walk_offer_all(walk, mask, flags)) {
-                if (flags & HYI_WALK_ANY) {
-                    hyi_walk_stop(walk);
-                    return;
-                }
-                t_far = walk->aim.t_far;
-            }
+            if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
         }
         do {
-            if (top == base) {
-                hyi_walk_pop(walk);
-                return;
-            }
+            if (top == stack) return;
             top--;
-        } while (top->t > t_far);
+        } while (top->t > flight->aim.t_far);
         at = top->child;
     }
 }
 
-HYI_INLINE HYI_AVX2 void hyi_run_avx2(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count, uint32_t flags) {
-    hyi_walk walk;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_walk_begin(&walk, accel, &rays[i]);
-        while (walk.at != HYI_WALK_ENDED) {
-            if (!(flags & HYI_WALK_LEVELS) || !walk.upper) {
-                hyi_walk_mesh_avx2(&walk, flags);
-                _mm256_zeroupper(); /* what is called next is compiled for SSE, and would crawl */
-            } else if (hyi_child_is_leaf(walk.at)) {
-                hyi_walk_enter(&walk);
-            } else {
-                hyi_visit_node_avx2(&walk);
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_closest)(const hyi_site *site, hyi_flight *flight, uint32_t at) {
+    HYI_I(hyi_walk_triangles)(site, flight, at, false);
+}
+
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_any)(const hyi_site *site, hyi_flight *flight, uint32_t at) {
+    HYI_I(hyi_walk_triangles)(site, flight, at, true);
+}
+
+/* One ray through a tree of boxes; visit is called for each box met and says whether to stop. */
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_flight *flight, uint32_t at, hyi_box_visit visit, void *argument) {
+    hyi_waiting stack[HYI_STACK], *top = stack;
+    for (;;) {
+        if (hyi_child_is_leaf(at)) {
+            if (visit(argument, flight, bvh->ids[hyi_leaf_first(at)])) return;
+        } else {
+            float enter[8];
+            const hyi_node *node = &bvh->nodes[at];
+            uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
+            if (mask) {
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                top->child = nearest;
+                top++->t = -FLT_MAX;
             }
         }
-        if (flags & HYI_WALK_ANY) occluded[i] = walk.best.instance != HYK_NONE;
-        else hyi_walk_answer(&walk, &hits[i]);
+        do {
+            if (top == stack) return;
+            top--;
+        } while (top->t > flight->aim.t_far);
+        at = top->child;
     }
 }
 
-HYI_FN HYI_AVX2 void hyi_trace_avx2(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count, uint32_t flags) {
-    switch (flags) {
-#define HYI_CASE(set) case set: hyi_run_avx2(accel, rays, hits, occluded, count, set); break;
-        HYI_CASE(0u) HYI_CASE(1u) HYI_CASE(2u) HYI_CASE(3u)
-        HYI_CASE(4u) HYI_CASE(5u) HYI_CASE(6u) HYI_CASE(7u)
-#undef HYI_CASE
+/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
+    const hyi_visit_of *of = (const hyi_visit_of *)argument;
+    hyi_site site = hyi_site_of_item(of->accel, item);
+    hyi_flight below;
+    if (!hyi_flight_enter(&below, flight, &site)) return false;
+    if (of->any) HYI_I(hyi_walk_any)(&site, &below, site.bvh->root);
+    else HYI_I(hyi_walk_closest)(&site, &below, site.bvh->root);
+    return hyi_flight_return(flight, &below) && of->any;
+}
+
+/* One ray through the scene, or through what is left of it below a child of its first tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
+    hyi_visit_of of;
+    if (site->bvh->rows && any) {
+        HYI_I(hyi_walk_any)(site, flight, at);
+    } else if (site->bvh->rows) {
+        HYI_I(hyi_walk_closest)(site, flight, at);
+    } else {
+        of.accel = site->accel;
+        of.any = any;
+        HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
     }
 }
+/* ---- packets of alike rays (expanded once for each instruction set) */
+
+/* The planes of a node in the order in which the rays of a swarm meet them. */
+typedef struct HYI_I(hyi_planes) {
+    HYI_F8 near_planes[3], far_planes[3];
+} HYI_I(hyi_planes);
+
+/* Eight boxes against the bounds of a packet: no ray of it enters earlier than enter, or leaves later. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, const HYI_I(hyi_planes) *planes, HYI_F8 *enter) {
+    HYI_F8 first = HYI_SET8(p->first_t), last = HYI_SET8(p->last_t);
+    for (int a = 0; a < 3; a++) {
+        HYI_F8 low = HYI_SET8(p->inverse_low[a]), high = HYI_SET8(p->inverse_high[a]);
+        HYI_F8 to_near = HYI_SUB8(planes->near_planes[a], HYI_SET8(p->near_origin[a]));
+        HYI_F8 to_far = HYI_SUB8(planes->far_planes[a], HYI_SET8(p->far_origin[a]));
+        first = HYI_MAX8(first, HYI_MIN8(HYI_MUL8(to_near, low), HYI_MUL8(to_near, high)));
+        last = HYI_MIN8(last, HYI_MAX8(HYI_MUL8(to_far, low), HYI_MUL8(to_far, high)));
+    }
+    *enter = first;
+    return HYI_LE8(first, last);
+}
+
+/* Whether any ray of a packet meets the box of child c. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
+    HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
+    for (int k = 0; k < 3; k++) {
+        uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
+        float slack = (near_row & 1u) ? p->bound[a] : -p->bound[a];
+        HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
+        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row][c] + slack), origin), inverse));
+        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row ^ 1u][c] - slack), origin), inverse));
+    }
+    return HYI_BITSW(HYI_LEW(first, last)) != 0u;
+}
+
+/* ---- triangles */
+
+/* A corner in the sheared frames of the rays of a packet. */
+typedef struct HYI_I(hyi_corner_all) {
+    HYI_FW x, y, z;
+} HYI_I(hyi_corner_all);
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+    HYI_I(hyi_corner_all) c;
+    c.z = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[2] * stride]), HYI_LOADW(p->origin[2])));
+    HYI_FW dx = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[0] * stride]), HYI_LOADW(p->origin[0])));
+    HYI_FW dy = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[1] * stride]), HYI_LOADW(p->origin[1])));
+    c.x = HYI_PINW(HYI_SUBW(dx, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[0]), c.z))));
+    c.y = HYI_PINW(HYI_SUBW(dy, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[1]), c.z))));
+    return c;
+}
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I(hyi_corner_all) q) {
+    return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
+}
+
+/* Bits of the rays that need a closer look at one triangle: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
+    HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
+    HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
+    HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
+    HYI_MW above = HYI_LTW(HYI_ZEROW(), HYI_MAXW(HYI_MAXW(a, b), c));
+    HYI_FW scale = HYI_LOADW(packet->inverse_z);
+    HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
+    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
+    HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
+    return ~HYI_BITSW(HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early))) & HYI_ALLW;
+}
+
+/* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, HYI_FD qx, HYI_FD qy) {
+    return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
+}
+
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], const HYI_FD v[3]) {
+    HYI_FD first = HYI_PIND(HYI_MULD(HYI_SETD(n[0]), v[0])), second = HYI_PIND(HYI_MULD(HYI_SETD(n[1]), v[1]));
+    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(HYI_SETD(n[2]), v[2]))));
+}
+
+/* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
+                                                       const double n[3], int half, double t[8], double weights[3][8]) {
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
+    for (int i = 0; i < 3; i++) {
+        x[i] = HYI_HALFD(corners[i].x, half);
+        y[i] = HYI_HALFD(corners[i].y, half);
+        to_corner[i] = HYI_PIND(HYI_SUBD(HYI_SETD(corner[i]), HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
+        direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
+    }
+    HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
+    HYI_FD b = HYI_I(hyi_cross_exact_half)(x[0], y[0], x[2], y[2]);
+    HYI_FD c = HYI_I(hyi_cross_exact_half)(x[1], y[1], x[0], y[0]);
+    uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
+    HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
+    HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
+    HYI_STORED(t, HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_STORED(weights[0], b);
+    HYI_STORED(weights[1], c);
+    HYI_STORED(weights[2], sum);
+    return ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+}
+
+/* The plane of a triangle as hyi_plane_distance works it out: a corner and the normal. */
+HYI_INLINE void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, double corner[3], double n[3]) {
+    double e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        const float *row = rows + axis[i] * stride;
+        corner[i] = (double)row[0];
+        e[i] = hyi_rounded_double((double)row[3u * stride] - corner[i]);
+        f[i] = hyi_rounded_double((double)row[6u * stride] - corner[i]);
+    }
+    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+}
+
+/* Takes a confirmed hit of one ray if it is the best. */
+HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t primitive, float t, const double weights[3]) {
+    hyi_best best;
+    best.t = packet->best_t[lane];
+    best.instance = packet->instance[lane];
+    best.primitive = packet->primitive[lane];
+    if (!(t >= packet->t_min[lane]) || !hyi_beats(&best, t, swarm->site.instance, primitive)) return false;
+    if (swarm->site.asks_alpha) {
+        const hyk_ray *ray = swarm->rays ? &swarm->rays[packet->ray[lane]] : swarm->flights[packet->ray[lane]].ray;
+        double inverse = hyi_rounded_double(1.0 / weights[2]);
+        if (hyi_lets_pass(&swarm->site, ray, primitive, (float)(weights[0] * inverse), (float)(weights[1] * inverse))) return false;
+    }
+    packet->best_t[lane] = t;
+    packet->instance[lane] = swarm->site.instance;
+    packet->primitive[lane] = primitive;
+    for (int i = 0; i < 3; i++) packet->weights[i][lane] = weights[i];
+    packet->t_far[lane] = swarm->any ? -FLT_MAX : t + 4.0f * HYI_ULP * fabsf(t);
+    return true;
+}
+
+/* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                   const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
+    double corner[3], n[3];
+    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
+    bool found = false;
+    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
+    for (int half = 0; half < 2; half++) {
+        uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
+        double t[8], weights[3][8];
+        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, half, t, weights);
+        for (; some; some &= some - 1u) {
+            uint32_t lane = hyi_lowest_bit(some);
+            const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
+            if ((float)t[lane] <= packet->best_t[base + lane] && HYI_I(hyi_take_hit)(swarm, packet, base + lane, primitive, (float)t[lane], w)) found = true;
+        }
+    }
+    return found;
+}
+
+/* node, c: where the leaf hangs; NULL: nowhere. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
+                                                    const hyi_node *node, uint32_t c) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t triangles = hyi_leaf_count(leaf);
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_packet *packet = &swarm->packets[list[i]];
+        bool found = false;
+        if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
+        for (uint32_t t = 0; t < triangles; t++) {
+            HYI_I(hyi_corner_all) corners[3];
+            for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + t, triangles);
+            uint32_t mask = HYI_I(hyi_meet_triangle_all)(packet, corners);
+            if (mask && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, mask)) found = true;
+        }
+        if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    }
+}
+
+/* ---- making packets */
+
+/* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float low[3], high[3], extent = 0.0f, z = 0.0f;
+    uint32_t axis = packet->group >> 3;
+    for (int a = 0; a < 2; a++) {
+        HYI_FW shear = HYI_LOADW(packet->shear[a]);
+        if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
+    }
+    for (int a = 0; a < 3; a++) {
+        low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
+        high[a] = HYI_GREATESTW(HYI_LOADW(o[a]));
+        extent = box->upper[a] - box->lower[a] > extent ? box->upper[a] - box->lower[a] : extent;
+    }
+    float below = hyi_reach(box, low[axis], (int)axis, false), above = hyi_reach(box, high[axis], (int)axis, false);
+    z = below > above ? below : above;
+    for (int a = 0; a < 3; a++) {
+        if (!(high[a] - low[a] <= HYI_PACKET_ORIGINS * extent)) return false;
+        float from_low = hyi_reach(box, low[a], a, false), from_high = hyi_reach(box, high[a], a, false);
+        float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
+        float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
+        bool falls = (packet->group >> a & 1u) != 0u;
+        packet->bound[a] = bound;
+        packet->near_origin[a] = falls ? low[a] - bound : high[a] + bound;
+        packet->far_origin[a] = falls ? high[a] + bound : low[a] - bound;
+        HYI_STOREW(packet->inverse[a == (int)axis ? 2 : (a + 3 - (int)axis) % 3 - 1], HYI_LOADW(inverse[a]));
+        packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
+        packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
+    }
+    packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
+    packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    return true;
+}
+
+/* Whether |v| <= limit in all lanes; what is not a number is not. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_all_within)(const float *v, float limit) {
+    HYI_FW size = HYI_MAXW(HYI_LOADW(v), HYI_SUBW(HYI_ZEROW(), HYI_LOADW(v)));
+    return HYI_BITSW(HYI_LEW(size, HYI_SETW(limit))) == HYI_ALLW;
+}
+
+/* What directions have in common: see hyi_aim_group; false: they differ in that, or in size by far. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(float d[3][HYI_PACKET_WIDTH], uint32_t *group) {
+    HYI_FW zero = HYI_ZEROW(), size[3];
+    *group = 0;
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(d[a]);
+        uint32_t falls = HYI_BITSW(HYI_LTW(v, zero));
+        if ((falls != 0u && falls != HYI_ALLW) || !HYI_I(hyi_all_within)(d[a], 1073741824.0f)) return false;
+        *group |= (falls ? 1u : 0u) << a;
+        size[a] = HYI_MAXW(v, HYI_SUBW(zero, v));
+    }
+    uint32_t y = HYI_BITSW(HYI_LTW(size[0], size[1])), z = HYI_BITSW(HYI_LTW(HYI_MAXW(size[0], size[1]), size[2]));
+    if ((z != 0u && z != HYI_ALLW) || (z == 0u && y != 0u && y != HYI_ALLW)) return false;
+    HYI_FW largest = HYI_MAXW(HYI_MAXW(size[0], size[1]), size[2]);
+    *group |= (z ? 2u : y ? 1u : 0u) << 3;
+    return HYI_LEASTW(largest) >= 9.31322574615478515625e-10f;
+}
+
+/* hyi_aim_shear for all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
+    for (int half = 0; half < 2; half++) {
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_STOREH(packet->inverse_z, half, t_by_z);
+    }
+}
+
+/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
+    float o[3][HYI_PACKET_WIDTH], d[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], scale = swarm->site.bvh->scale;
+    hyi_swarm order;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyk_ray ray = hyi_load_ray(&swarm->rays[first + i]);
+        o[0][i] = ray.origin.x * scale;
+        o[1][i] = ray.origin.y * scale;
+        o[2][i] = ray.origin.z * scale;
+        d[0][i] = ray.direction.x * scale;
+        d[1][i] = ray.direction.y * scale;
+        d[2][i] = ray.direction.z * scale;
+        packet->t_min[i] = ray.t_min;
+        packet->best_t[i] = ray.t_max;
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+    }
+    if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
+    HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
+    bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
+    if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
+    hyi_set_group(&order, packet->group);
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(d[a]);
+        if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
+        v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
+        HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
+        HYI_STOREW(packet->origin[a], HYI_LOADW(o[order.axis[a]]));
+        HYI_STOREW(packet->direction[a], HYI_LOADW(d[order.axis[a]]));
+    }
+    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
+    HYI_STOREW(packet->best_t, limit);
+    HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
+    HYI_I(hyi_shear_packet)(packet);
+    packet->count = HYI_LANES;
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
+    for (uint32_t i = 0; i < packet->count; i++) {
+        bool found = packet->instance[i] != HYK_NONE;
+        if (occluded) {
+            occluded[packet->ray[i]] = found ? 1 : 0;
+            continue;
+        }
+        hyk_hit *hit = &hits[packet->ray[i]];
+        double inverse = found ? hyi_rounded_double(1.0 / packet->weights[2][i]) : 0.0;
+        hit->t = found ? packet->best_t[i] : -1.0f;
+        hit->u = found ? (float)(packet->weights[0][i] * inverse) : 0.0f;
+        hit->v = found ? (float)(packet->weights[1][i] * inverse) : 0.0f;
+        hit->instance = packet->instance[i];
+        hit->primitive = packet->primitive[i];
+        hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+    }
+}
+
+/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
+        const hyi_aim *aim = &flight->aim;
+        if (aim->unit != 1.0) return false;
+        for (int a = 0; a < 3; a++) {
+            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
+            packet->direction[a][i] = aim->direction[a];
+            inverse[a][i] = aim->inverse[a];
+        }
+        packet->shear[0][i] = aim->shear[0];
+        packet->shear[1][i] = aim->shear[1];
+        packet->inverse_z[i] = aim->inverse_z;
+        packet->t_min[i] = flight->t_min;
+        packet->t_near[i] = aim->t_near;
+        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
+        packet->best_t[i] = flight->best.t;
+        packet->instance[i] = flight->best.instance;
+        packet->primitive[i] = flight->best.primitive;
+        packet->weights[2][i] = 0.0;
+        packet->ray[i] = rays[i < count ? i : 0u];
+    }
+    packet->count = count;
+    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+/* Sum 0 stands for a hit that is not the packet's own. */
+HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    for (uint32_t i = 0; i < packet->count; i++) {
+        hyi_best *best = &swarm->flights[packet->ray[i]].best;
+        if (packet->weights[2][i] == 0.0) continue;
+        double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
+        best->t = packet->best_t[i];
+        best->u = (float)(packet->weights[0][i] * inverse);
+        best->v = (float)(packet->weights[1][i] * inverse);
+        best->instance = packet->instance[i];
+        best->primitive = packet->primitive[i];
+    }
+}
+/* ---- many rays (expanded once for each instruction set)
+
+   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+
+/* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                           uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
+    HYI_I(hyi_planes) planes;
+    HYI_F8 least = HYI_SET8(FLT_MAX);
+    for (int a = 0; a < 3; a++) {
+        planes.near_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a]]);
+        planes.far_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a] ^ 1u]);
+    }
+    for (uint32_t first = 0; first < count; first += HYI_DEAL) {
+        uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
+        HYI_MASKS masks;
+        HYI_CLEAR_MASKS(masks);
+        for (uint32_t i = 0; i < some; i++) {
+            HYI_F8 enter;
+            uint32_t item = list[first + i];
+            HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
+                                  : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
+            least = HYI_MIN8_WHERE(least, mask, enter);
+            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+        }
+        HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
+    }
+    HYI_STORE8(nearest, least);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+    const hyi_node *node = &swarm->site.bvh->nodes[at];
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
+    float nearest[HYI_WIDTH];
+    HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) mask |= (dealt[c] ? 1u : 0u) << c;
+    if (swarm->site.bvh->rows)
+        for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
+    uint32_t children = hyi_order_children(mask, nearest, order);
+    for (uint32_t i = 0; i < children; i++) {
+        uint32_t c = order[i];
+        if (packets && hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    HYI_I(hyi_list_node)(swarm, at, list, count, space, true);
+}
+
+/* ---- leaves */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        if (HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any) && swarm->any) hyi_flight_stop(flight);
+    }
+}
+
+/* ---- instances */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any);
+
+/* The rays of a list go through what a box of the tree over instances stands for. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
+    hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
+    uint32_t entered = 0, *from = space;
+    for (uint32_t i = 0; i < count; i++) {
+        if (swarm->flights[list[i]].aim.t_far == -FLT_MAX) continue;
+        if (hyi_flight_enter(&below[entered], &swarm->flights[list[i]], &site)) from[entered++] = list[i];
+    }
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
+    for (uint32_t i = 0; i < entered; i++) {
+        hyi_flight *above = &swarm->flights[from[i]];
+        if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
+    }
+}
+
+/* ---- the way down */
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        if (flight->aim.t_far == -FLT_MAX) continue;
+        HYI_I(hyi_walk_scene)(&swarm->site, flight, at, swarm->any);
+        if (swarm->any && flight->best.instance != HYK_NONE) hyi_flight_stop(flight);
+    }
+}
+
+/* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
+   one. Packets are only in trees of triangles, and their lists so short that the space always suffices. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+    size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
+    bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
+    if (packets) {
+        if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
+        else HYI_I(hyi_list_node_packets)(swarm, at, list, count, space);
+    } else if (leaf && swarm->site.bvh->rows) {
+        HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+    } else if (leaf && fits) {
+        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    } else if (fits && count >= HYI_LIST_LEAST) {
+        HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+    } else {
+        HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    }
+}
+
+/* ---- all rays of a slice */
+
+/* Sends count packets on their way, those of a group together. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, uint32_t *space) {
+    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
+    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)swarm->packets[i].group;
+    hyi_group(keys, count, order, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        if (first[g + 1] == first[g]) continue;
+        hyi_set_group(swarm, g);
+        HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room, true);
+    }
+}
+
+/* Packets of the alike among a group's flights; the others come to stand first in rays, and are counted. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays, uint32_t count, uint32_t *space) {
+    uint32_t made = 0, others = 0;
+    for (uint32_t first = 0; first < count; first += HYI_LANES) {
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        if (some > HYI_LANES / 2u && HYI_I(hyi_pack_flights)(swarm, &swarm->packets[made], rays + first, some)) made++;
+        else
+            for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
+    }
+    for (uint32_t i = 0; i < made; i++) space[i] = i;
+    if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
+    return others;
+}
+
+/* Sends the first count flights (deep: of those in instances) through the tree of site. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
+    hyi_swarm swarm;
+    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
+    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    swarm.site = *site;
+    swarm.stream = stream;
+    swarm.rays = NULL;
+    swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
+    swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
+    swarm.any = any;
+    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u)) {
+        for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm.flights[i].aim);
+    hyi_group(keys, count, order, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        uint32_t *rays = order + first[g], some = first[g + 1] - first[g];
+        hyi_set_group(&swarm, g);
+        if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
+        if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
+    }
+}
+
+/* Packets of those among count rays that are alike; numbers of the others go to others, and are counted. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
+                                                     uint8_t *occluded, uint32_t count, uint32_t *others) {
+    hyi_swarm swarm;
+    uint32_t made = 0, rest = 0;
+    swarm.site = *site;
+    swarm.stream = stream;
+    swarm.rays = rays;
+    swarm.flights = NULL;
+    swarm.packets = stream->packets;
+    swarm.any = occluded != NULL;
+    for (uint32_t first = 0; first < count; first += HYI_LANES) {
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) made++;
+        else
+            for (uint32_t i = 0; i < some; i++) others[rest++] = first + i;
+    }
+    if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
+    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
+    return rest;
+}
+/* The words of one instruction set end here. */
+#undef HYI_ADD2
+#undef HYI_ADD4
+#undef HYI_ADDD
+#undef HYI_ADDW
+#undef HYI_ALLW
+#undef HYI_AND4
+#undef HYI_AND8
+#undef HYI_ANDW
+#undef HYI_AS_FLOATS
+#undef HYI_BITS2_2
+#undef HYI_BITS4_4
+#undef HYI_BITS8
+#undef HYI_BITSW
+#undef HYI_CHOOSE4
+#undef HYI_CLEAR_MASKS
+#undef HYI_D2
+#undef HYI_DEAL
+#undef HYI_DIV2
+#undef HYI_DIV4
+#undef HYI_DIVD
+#undef HYI_DIVW
+#undef HYI_F4
+#undef HYI_F8
+#undef HYI_FD
+#undef HYI_FW
+#undef HYI_GREATEST4
+#undef HYI_GREATESTW
+#undef HYI_HALFD
+#undef HYI_HIGH_AS_DOUBLES
+#undef HYI_I
+#undef HYI_LANES
+#undef HYI_LE4
+#undef HYI_LE8
+#undef HYI_LEAST4
+#undef HYI_LEASTW
+#undef HYI_LEW
+#undef HYI_LOAD4
+#undef HYI_LOAD4_ALIGNED
+#undef HYI_LOAD8
+#undef HYI_LOADU8
+#undef HYI_LOADW
+#undef HYI_LOW_AS_DOUBLES
+#undef HYI_LT2
+#undef HYI_LT4
+#undef HYI_LT8
+#undef HYI_LTD
+#undef HYI_LTW
+#undef HYI_M4
+#undef HYI_M8
+#undef HYI_MAD4
+#undef HYI_MAD8
+#undef HYI_MASKS
+#undef HYI_MAX2
+#undef HYI_MAX4
+#undef HYI_MAX8
+#undef HYI_MAXD
+#undef HYI_MAXW
+#undef HYI_MIN2
+#undef HYI_MIN4
+#undef HYI_MIN8
+#undef HYI_MIN8_WHERE
+#undef HYI_MIND
+#undef HYI_MINW
+#undef HYI_MOVE4
+#undef HYI_MUL2
+#undef HYI_MUL4
+#undef HYI_MUL8
+#undef HYI_MULD
+#undef HYI_MULW
+#undef HYI_MW
+#undef HYI_OR4
+#undef HYI_OR8
+#undef HYI_ORW
+#undef HYI_PIN2
+#undef HYI_PIN4
+#undef HYI_PIN8
+#undef HYI_PIND
+#undef HYI_PINW
+#undef HYI_SET2
+#undef HYI_SET4
+#undef HYI_SET8
+#undef HYI_SETD
+#undef HYI_SETW
+#undef HYI_STORE2
+#undef HYI_STORE4
+#undef HYI_STORE8
+#undef HYI_STORED
+#undef HYI_STOREH
+#undef HYI_STOREW
+#undef HYI_SUB2
+#undef HYI_SUB4
+#undef HYI_SUB8
+#undef HYI_SUBD
+#undef HYI_SUBW
+#undef HYI_TARGET
+#undef HYI_ZERO8
+#undef HYI_ZEROW
 
 #endif /* HYI_X86 */
 #endif /* HYI_BVH_AVX2_H */
 
-/* >>bvh-neon: eight boxes or triangles as two times four lanes; close to bvh-avx2 on purpose */
+/* >>bvh-avx512: traversal in the words of AVX-512: sixteen rays a packet, lists dealt by compression */
+#ifndef HYI_BVH_AVX512_H
+#define HYI_BVH_AVX512_H
+
+#if HYI_X86
+
+/* The compiler's own intrinsics begin with undefined values, which it then warns of (GCC bug 105593). */
+#if HYI_GNU && !defined(__clang__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#pragma GCC diagnostic ignored "-Wuninitialized"
+#endif
+
+HYI_INLINE HYI_AVX512 __m512d hyi_pin_double_avx512(__m512d value) {
+#if HYI_GNU
+    __asm__("" : "+v"(value));
+#endif
+    return value;
+}
+
+HYI_INLINE HYI_AVX512 __m256 hyi_pin8_avx512(__m256 value) {
+#if HYI_GNU
+    __asm__("" : "+v"(value));
+#endif
+    return value;
+}
+
+HYI_INLINE HYI_AVX512 __m512 hyi_pin16_avx512(__m512 value) {
+#if HYI_GNU
+    __asm__("" : "+v"(value));
+#endif
+    return value;
+}
+
+typedef union hyi_masks16 {
+    uint8_t bytes[16];
+    __m128i lanes;
+} hyi_masks16;
+
+/* Appends sixteen items to the lists of the children that their masks name. */
+HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_masks16 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
+    __m512i all = _mm512_loadu_si512(items);
+    __m128i bits = masks->lanes;
+    for (int c = 7; c >= 0; c--) { /* the highest bit of each byte is the child's */
+        __mmask16 takes = _mm_movepi8_mask(bits);
+        bits = _mm_add_epi8(bits, bits);
+        _mm512_storeu_si512(lists + (size_t)(uint32_t)c * stride + dealt[c], _mm512_maskz_compress_epi32(takes, all));
+        dealt[c] += (uint32_t)_mm_popcnt_u32(takes);
+    }
+}
+
+#define HYI_TARGET HYI_AVX512
+#define HYI_I(name) name##_avx512
+#define HYI_F8 __m256
+#define HYI_M8 __mmask8
+#define HYI_LOAD8(p) _mm256_load_ps(p)
+#define HYI_LOADU8(p) _mm256_loadu_ps(p)
+#define HYI_STORE8(p, a) _mm256_storeu_ps(p, a)
+#define HYI_SET8(value) _mm256_set1_ps(value)
+#define HYI_ZERO8() _mm256_setzero_ps()
+#define HYI_SUB8(a, b) _mm256_sub_ps(a, b)
+#define HYI_MUL8(a, b) _mm256_mul_ps(a, b)
+#define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
+#define HYI_MIN8(a, b) _mm256_min_ps(a, b)
+#define HYI_MAX8(a, b) _mm256_max_ps(a, b)
+#define HYI_LT8(a, b) _mm256_cmp_ps_mask(a, b, _CMP_LT_OQ)
+#define HYI_LE8(a, b) _mm256_cmp_ps_mask(a, b, _CMP_LE_OQ)
+#define HYI_AND8(a, b) ((__mmask8)((a) & (b)))
+#define HYI_OR8(a, b) ((__mmask8)((a) | (b)))
+#define HYI_BITS8(m) ((uint32_t)(m))
+#define HYI_MIN8_WHERE(a, m, b) _mm256_mask_min_ps(a, m, a, b)
+#define HYI_PIN8(a) hyi_pin8_avx512(a)
+#define HYI_LANES 16u
+#define HYI_ALLW 0xffffu
+#define HYI_FW __m512
+#define HYI_MW __mmask16
+#define HYI_LOADW(p) _mm512_loadu_ps(p)
+#define HYI_SETW(value) _mm512_set1_ps(value)
+#define HYI_ZEROW() _mm512_setzero_ps()
+#define HYI_SUBW(a, b) _mm512_sub_ps(a, b)
+#define HYI_MULW(a, b) _mm512_mul_ps(a, b)
+#define HYI_MINW(a, b) _mm512_min_ps(a, b)
+#define HYI_MAXW(a, b) _mm512_max_ps(a, b)
+#define HYI_LTW(a, b) _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ)
+#define HYI_ANDW(a, b) ((__mmask16)((a) & (b)))
+#define HYI_ORW(a, b) ((__mmask16)((a) | (b)))
+#define HYI_BITSW(m) ((uint32_t)(m))
+#define HYI_PINW(a) hyi_pin16_avx512(a)
+#define HYI_GREATESTW(a) _mm512_reduce_max_ps(a)
+#define HYI_DEAL 16u
+#define HYI_MASKS hyi_masks16
+#define HYI_CLEAR_MASKS(masks) ((masks).lanes = _mm_setzero_si128())
+
+#define HYI_STOREW(p, a) _mm512_storeu_ps(p, a)
+#define HYI_ADDW(a, b) _mm512_add_ps(a, b)
+#define HYI_DIVW(a, b) _mm512_div_ps(a, b)
+#define HYI_LEW(a, b) _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ)
+#define HYI_LEASTW(a) _mm512_reduce_min_ps(a)
+#define HYI_FD __m512d
+#define HYI_SETD(value) _mm512_set1_pd(value)
+#define HYI_HALFD(a, half) _mm512_cvtps_pd((half) ? _mm512_extractf32x8_ps(a, 1) : _mm512_castps512_ps256(a))
+#define HYI_STORED(p, a) _mm512_storeu_pd(p, a)
+#define HYI_STOREH(p, half, a) _mm256_storeu_ps((p) + 8 * (half), _mm512_cvtpd_ps(a))
+#define HYI_ADDD(a, b) _mm512_add_pd(a, b)
+#define HYI_SUBD(a, b) _mm512_sub_pd(a, b)
+#define HYI_MULD(a, b) _mm512_mul_pd(a, b)
+#define HYI_DIVD(a, b) _mm512_div_pd(a, b)
+#define HYI_MIND(a, b) _mm512_min_pd(a, b)
+#define HYI_MAXD(a, b) _mm512_max_pd(a, b)
+#define HYI_LTD(a, b) ((uint32_t)_mm512_cmp_pd_mask(a, b, _CMP_LT_OQ))
+#define HYI_PIND(a) hyi_pin_double_avx512(a)
+/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+
+   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
+
+
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+    HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
+    HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
+    HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
+    HYI_F8 nz = HYI_MAD8(near_planes[2], iz, HYI_SET8(aim->near_offset[2]));
+    HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
+    HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
+    HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+    return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+}
+
+/* Bits of the children that the ray meets, and where it enters them. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
+    HYI_F8 near_planes[3], far_planes[3], t;
+    for (int a = 0; a < 3; a++) {
+        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
+        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+    }
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    HYI_STORE8(enter, t);
+    return mask;
+}
+
+/* A corner in the sheared frame, eight triangles at once. */
+typedef struct HYI_I(hyi_corners) {
+    HYI_F8 x, y, z;
+} HYI_I(hyi_corners);
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+    HYI_I(hyi_corners) p;
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
+    return p;
+}
+
+/* p.x q.y - p.y q.x */
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_corners) q) {
+    return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
+}
+
+/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
+   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
+    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
+    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
+    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
+    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
+    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
+    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
+    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
+    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
+    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
+}
+
+/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
+    bool found = false;
+    for (; mask; mask &= mask - 1u) {
+        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+        if (found && any) break;
+    }
+    return found;
+}
+
+/* One ray through a tree of triangles, from child at on. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
+    const hyi_node *nodes = site->bvh->nodes;
+    hyi_waiting stack[HYI_STACK], *top = stack;
+    for (;;) {
+        while (!hyi_child_is_leaf(at)) {
+            const hyi_node *node = &nodes[at];
+            float enter[8];
+            uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
+            at = HYI_CHILD_NONE;
+            if (!mask) break;
+            uint32_t first = hyi_lowest_bit(mask);
+            mask &= mask - 1u;
+            at = node->child[first];
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+        }
+        if (at != HYI_CHILD_NONE) {
+            if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
+        }
+        do {
+            if (top == stack) return;
+            top--;
+        } while (top->t > flight->aim.t_far);
+        at = top->child;
+    }
+}
+
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_closest)(const hyi_site *site, hyi_flight *flight, uint32_t at) {
+    HYI_I(hyi_walk_triangles)(site, flight, at, false);
+}
+
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_any)(const hyi_site *site, hyi_flight *flight, uint32_t at) {
+    HYI_I(hyi_walk_triangles)(site, flight, at, true);
+}
+
+/* One ray through a tree of boxes; visit is called for each box met and says whether to stop. */
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_flight *flight, uint32_t at, hyi_box_visit visit, void *argument) {
+    hyi_waiting stack[HYI_STACK], *top = stack;
+    for (;;) {
+        if (hyi_child_is_leaf(at)) {
+            if (visit(argument, flight, bvh->ids[hyi_leaf_first(at)])) return;
+        } else {
+            float enter[8];
+            const hyi_node *node = &bvh->nodes[at];
+            uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
+            if (mask) {
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                top->child = nearest;
+                top++->t = -FLT_MAX;
+            }
+        }
+        do {
+            if (top == stack) return;
+            top--;
+        } while (top->t > flight->aim.t_far);
+        at = top->child;
+    }
+}
+
+/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
+    const hyi_visit_of *of = (const hyi_visit_of *)argument;
+    hyi_site site = hyi_site_of_item(of->accel, item);
+    hyi_flight below;
+    if (!hyi_flight_enter(&below, flight, &site)) return false;
+    if (of->any) HYI_I(hyi_walk_any)(&site, &below, site.bvh->root);
+    else HYI_I(hyi_walk_closest)(&site, &below, site.bvh->root);
+    return hyi_flight_return(flight, &below) && of->any;
+}
+
+/* One ray through the scene, or through what is left of it below a child of its first tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
+    hyi_visit_of of;
+    if (site->bvh->rows && any) {
+        HYI_I(hyi_walk_any)(site, flight, at);
+    } else if (site->bvh->rows) {
+        HYI_I(hyi_walk_closest)(site, flight, at);
+    } else {
+        of.accel = site->accel;
+        of.any = any;
+        HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
+    }
+}
+/* ---- packets of alike rays (expanded once for each instruction set) */
+
+/* The planes of a node in the order in which the rays of a swarm meet them. */
+typedef struct HYI_I(hyi_planes) {
+    HYI_F8 near_planes[3], far_planes[3];
+} HYI_I(hyi_planes);
+
+/* Eight boxes against the bounds of a packet: no ray of it enters earlier than enter, or leaves later. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, const HYI_I(hyi_planes) *planes, HYI_F8 *enter) {
+    HYI_F8 first = HYI_SET8(p->first_t), last = HYI_SET8(p->last_t);
+    for (int a = 0; a < 3; a++) {
+        HYI_F8 low = HYI_SET8(p->inverse_low[a]), high = HYI_SET8(p->inverse_high[a]);
+        HYI_F8 to_near = HYI_SUB8(planes->near_planes[a], HYI_SET8(p->near_origin[a]));
+        HYI_F8 to_far = HYI_SUB8(planes->far_planes[a], HYI_SET8(p->far_origin[a]));
+        first = HYI_MAX8(first, HYI_MIN8(HYI_MUL8(to_near, low), HYI_MUL8(to_near, high)));
+        last = HYI_MIN8(last, HYI_MAX8(HYI_MUL8(to_far, low), HYI_MUL8(to_far, high)));
+    }
+    *enter = first;
+    return HYI_LE8(first, last);
+}
+
+/* Whether any ray of a packet meets the box of child c. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
+    HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
+    for (int k = 0; k < 3; k++) {
+        uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
+        float slack = (near_row & 1u) ? p->bound[a] : -p->bound[a];
+        HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
+        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row][c] + slack), origin), inverse));
+        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row ^ 1u][c] - slack), origin), inverse));
+    }
+    return HYI_BITSW(HYI_LEW(first, last)) != 0u;
+}
+
+/* ---- triangles */
+
+/* A corner in the sheared frames of the rays of a packet. */
+typedef struct HYI_I(hyi_corner_all) {
+    HYI_FW x, y, z;
+} HYI_I(hyi_corner_all);
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+    HYI_I(hyi_corner_all) c;
+    c.z = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[2] * stride]), HYI_LOADW(p->origin[2])));
+    HYI_FW dx = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[0] * stride]), HYI_LOADW(p->origin[0])));
+    HYI_FW dy = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[1] * stride]), HYI_LOADW(p->origin[1])));
+    c.x = HYI_PINW(HYI_SUBW(dx, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[0]), c.z))));
+    c.y = HYI_PINW(HYI_SUBW(dy, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[1]), c.z))));
+    return c;
+}
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I(hyi_corner_all) q) {
+    return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
+}
+
+/* Bits of the rays that need a closer look at one triangle: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
+    HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
+    HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
+    HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
+    HYI_MW above = HYI_LTW(HYI_ZEROW(), HYI_MAXW(HYI_MAXW(a, b), c));
+    HYI_FW scale = HYI_LOADW(packet->inverse_z);
+    HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
+    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
+    HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
+    return ~HYI_BITSW(HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early))) & HYI_ALLW;
+}
+
+/* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, HYI_FD qx, HYI_FD qy) {
+    return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
+}
+
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], const HYI_FD v[3]) {
+    HYI_FD first = HYI_PIND(HYI_MULD(HYI_SETD(n[0]), v[0])), second = HYI_PIND(HYI_MULD(HYI_SETD(n[1]), v[1]));
+    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(HYI_SETD(n[2]), v[2]))));
+}
+
+/* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
+                                                       const double n[3], int half, double t[8], double weights[3][8]) {
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
+    for (int i = 0; i < 3; i++) {
+        x[i] = HYI_HALFD(corners[i].x, half);
+        y[i] = HYI_HALFD(corners[i].y, half);
+        to_corner[i] = HYI_PIND(HYI_SUBD(HYI_SETD(corner[i]), HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
+        direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
+    }
+    HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
+    HYI_FD b = HYI_I(hyi_cross_exact_half)(x[0], y[0], x[2], y[2]);
+    HYI_FD c = HYI_I(hyi_cross_exact_half)(x[1], y[1], x[0], y[0]);
+    uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
+    HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
+    HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
+    HYI_STORED(t, HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_STORED(weights[0], b);
+    HYI_STORED(weights[1], c);
+    HYI_STORED(weights[2], sum);
+    return ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+}
+
+/* The plane of a triangle as hyi_plane_distance works it out: a corner and the normal. */
+HYI_INLINE void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, double corner[3], double n[3]) {
+    double e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        const float *row = rows + axis[i] * stride;
+        corner[i] = (double)row[0];
+        e[i] = hyi_rounded_double((double)row[3u * stride] - corner[i]);
+        f[i] = hyi_rounded_double((double)row[6u * stride] - corner[i]);
+    }
+    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+}
+
+/* Takes a confirmed hit of one ray if it is the best. */
+HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t primitive, float t, const double weights[3]) {
+    hyi_best best;
+    best.t = packet->best_t[lane];
+    best.instance = packet->instance[lane];
+    best.primitive = packet->primitive[lane];
+    if (!(t >= packet->t_min[lane]) || !hyi_beats(&best, t, swarm->site.instance, primitive)) return false;
+    if (swarm->site.asks_alpha) {
+        const hyk_ray *ray = swarm->rays ? &swarm->rays[packet->ray[lane]] : swarm->flights[packet->ray[lane]].ray;
+        double inverse = hyi_rounded_double(1.0 / weights[2]);
+        if (hyi_lets_pass(&swarm->site, ray, primitive, (float)(weights[0] * inverse), (float)(weights[1] * inverse))) return false;
+    }
+    packet->best_t[lane] = t;
+    packet->instance[lane] = swarm->site.instance;
+    packet->primitive[lane] = primitive;
+    for (int i = 0; i < 3; i++) packet->weights[i][lane] = weights[i];
+    packet->t_far[lane] = swarm->any ? -FLT_MAX : t + 4.0f * HYI_ULP * fabsf(t);
+    return true;
+}
+
+/* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                   const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
+    double corner[3], n[3];
+    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
+    bool found = false;
+    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
+    for (int half = 0; half < 2; half++) {
+        uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
+        double t[8], weights[3][8];
+        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, half, t, weights);
+        for (; some; some &= some - 1u) {
+            uint32_t lane = hyi_lowest_bit(some);
+            const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
+            if ((float)t[lane] <= packet->best_t[base + lane] && HYI_I(hyi_take_hit)(swarm, packet, base + lane, primitive, (float)t[lane], w)) found = true;
+        }
+    }
+    return found;
+}
+
+/* node, c: where the leaf hangs; NULL: nowhere. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
+                                                    const hyi_node *node, uint32_t c) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t triangles = hyi_leaf_count(leaf);
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_packet *packet = &swarm->packets[list[i]];
+        bool found = false;
+        if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
+        for (uint32_t t = 0; t < triangles; t++) {
+            HYI_I(hyi_corner_all) corners[3];
+            for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + t, triangles);
+            uint32_t mask = HYI_I(hyi_meet_triangle_all)(packet, corners);
+            if (mask && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, mask)) found = true;
+        }
+        if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    }
+}
+
+/* ---- making packets */
+
+/* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float low[3], high[3], extent = 0.0f, z = 0.0f;
+    uint32_t axis = packet->group >> 3;
+    for (int a = 0; a < 2; a++) {
+        HYI_FW shear = HYI_LOADW(packet->shear[a]);
+        if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
+    }
+    for (int a = 0; a < 3; a++) {
+        low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
+        high[a] = HYI_GREATESTW(HYI_LOADW(o[a]));
+        extent = box->upper[a] - box->lower[a] > extent ? box->upper[a] - box->lower[a] : extent;
+    }
+    float below = hyi_reach(box, low[axis], (int)axis, false), above = hyi_reach(box, high[axis], (int)axis, false);
+    z = below > above ? below : above;
+    for (int a = 0; a < 3; a++) {
+        if (!(high[a] - low[a] <= HYI_PACKET_ORIGINS * extent)) return false;
+        float from_low = hyi_reach(box, low[a], a, false), from_high = hyi_reach(box, high[a], a, false);
+        float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
+        float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
+        bool falls = (packet->group >> a & 1u) != 0u;
+        packet->bound[a] = bound;
+        packet->near_origin[a] = falls ? low[a] - bound : high[a] + bound;
+        packet->far_origin[a] = falls ? high[a] + bound : low[a] - bound;
+        HYI_STOREW(packet->inverse[a == (int)axis ? 2 : (a + 3 - (int)axis) % 3 - 1], HYI_LOADW(inverse[a]));
+        packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
+        packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
+    }
+    packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
+    packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    return true;
+}
+
+/* Whether |v| <= limit in all lanes; what is not a number is not. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_all_within)(const float *v, float limit) {
+    HYI_FW size = HYI_MAXW(HYI_LOADW(v), HYI_SUBW(HYI_ZEROW(), HYI_LOADW(v)));
+    return HYI_BITSW(HYI_LEW(size, HYI_SETW(limit))) == HYI_ALLW;
+}
+
+/* What directions have in common: see hyi_aim_group; false: they differ in that, or in size by far. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(float d[3][HYI_PACKET_WIDTH], uint32_t *group) {
+    HYI_FW zero = HYI_ZEROW(), size[3];
+    *group = 0;
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(d[a]);
+        uint32_t falls = HYI_BITSW(HYI_LTW(v, zero));
+        if ((falls != 0u && falls != HYI_ALLW) || !HYI_I(hyi_all_within)(d[a], 1073741824.0f)) return false;
+        *group |= (falls ? 1u : 0u) << a;
+        size[a] = HYI_MAXW(v, HYI_SUBW(zero, v));
+    }
+    uint32_t y = HYI_BITSW(HYI_LTW(size[0], size[1])), z = HYI_BITSW(HYI_LTW(HYI_MAXW(size[0], size[1]), size[2]));
+    if ((z != 0u && z != HYI_ALLW) || (z == 0u && y != 0u && y != HYI_ALLW)) return false;
+    HYI_FW largest = HYI_MAXW(HYI_MAXW(size[0], size[1]), size[2]);
+    *group |= (z ? 2u : y ? 1u : 0u) << 3;
+    return HYI_LEASTW(largest) >= 9.31322574615478515625e-10f;
+}
+
+/* hyi_aim_shear for all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
+    for (int half = 0; half < 2; half++) {
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_STOREH(packet->inverse_z, half, t_by_z);
+    }
+}
+
+/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
+    float o[3][HYI_PACKET_WIDTH], d[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], scale = swarm->site.bvh->scale;
+    hyi_swarm order;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyk_ray ray = hyi_load_ray(&swarm->rays[first + i]);
+        o[0][i] = ray.origin.x * scale;
+        o[1][i] = ray.origin.y * scale;
+        o[2][i] = ray.origin.z * scale;
+        d[0][i] = ray.direction.x * scale;
+        d[1][i] = ray.direction.y * scale;
+        d[2][i] = ray.direction.z * scale;
+        packet->t_min[i] = ray.t_min;
+        packet->best_t[i] = ray.t_max;
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+    }
+    if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
+    HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
+    bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
+    if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
+    hyi_set_group(&order, packet->group);
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(d[a]);
+        if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
+        v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
+        HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
+        HYI_STOREW(packet->origin[a], HYI_LOADW(o[order.axis[a]]));
+        HYI_STOREW(packet->direction[a], HYI_LOADW(d[order.axis[a]]));
+    }
+    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
+    HYI_STOREW(packet->best_t, limit);
+    HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
+    HYI_I(hyi_shear_packet)(packet);
+    packet->count = HYI_LANES;
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
+    for (uint32_t i = 0; i < packet->count; i++) {
+        bool found = packet->instance[i] != HYK_NONE;
+        if (occluded) {
+            occluded[packet->ray[i]] = found ? 1 : 0;
+            continue;
+        }
+        hyk_hit *hit = &hits[packet->ray[i]];
+        double inverse = found ? hyi_rounded_double(1.0 / packet->weights[2][i]) : 0.0;
+        hit->t = found ? packet->best_t[i] : -1.0f;
+        hit->u = found ? (float)(packet->weights[0][i] * inverse) : 0.0f;
+        hit->v = found ? (float)(packet->weights[1][i] * inverse) : 0.0f;
+        hit->instance = packet->instance[i];
+        hit->primitive = packet->primitive[i];
+        hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+    }
+}
+
+/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
+        const hyi_aim *aim = &flight->aim;
+        if (aim->unit != 1.0) return false;
+        for (int a = 0; a < 3; a++) {
+            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
+            packet->direction[a][i] = aim->direction[a];
+            inverse[a][i] = aim->inverse[a];
+        }
+        packet->shear[0][i] = aim->shear[0];
+        packet->shear[1][i] = aim->shear[1];
+        packet->inverse_z[i] = aim->inverse_z;
+        packet->t_min[i] = flight->t_min;
+        packet->t_near[i] = aim->t_near;
+        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
+        packet->best_t[i] = flight->best.t;
+        packet->instance[i] = flight->best.instance;
+        packet->primitive[i] = flight->best.primitive;
+        packet->weights[2][i] = 0.0;
+        packet->ray[i] = rays[i < count ? i : 0u];
+    }
+    packet->count = count;
+    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+/* Sum 0 stands for a hit that is not the packet's own. */
+HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    for (uint32_t i = 0; i < packet->count; i++) {
+        hyi_best *best = &swarm->flights[packet->ray[i]].best;
+        if (packet->weights[2][i] == 0.0) continue;
+        double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
+        best->t = packet->best_t[i];
+        best->u = (float)(packet->weights[0][i] * inverse);
+        best->v = (float)(packet->weights[1][i] * inverse);
+        best->instance = packet->instance[i];
+        best->primitive = packet->primitive[i];
+    }
+}
+/* ---- many rays (expanded once for each instruction set)
+
+   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+
+/* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                           uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
+    HYI_I(hyi_planes) planes;
+    HYI_F8 least = HYI_SET8(FLT_MAX);
+    for (int a = 0; a < 3; a++) {
+        planes.near_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a]]);
+        planes.far_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a] ^ 1u]);
+    }
+    for (uint32_t first = 0; first < count; first += HYI_DEAL) {
+        uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
+        HYI_MASKS masks;
+        HYI_CLEAR_MASKS(masks);
+        for (uint32_t i = 0; i < some; i++) {
+            HYI_F8 enter;
+            uint32_t item = list[first + i];
+            HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
+                                  : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
+            least = HYI_MIN8_WHERE(least, mask, enter);
+            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+        }
+        HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
+    }
+    HYI_STORE8(nearest, least);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+    const hyi_node *node = &swarm->site.bvh->nodes[at];
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
+    float nearest[HYI_WIDTH];
+    HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) mask |= (dealt[c] ? 1u : 0u) << c;
+    if (swarm->site.bvh->rows)
+        for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
+    uint32_t children = hyi_order_children(mask, nearest, order);
+    for (uint32_t i = 0; i < children; i++) {
+        uint32_t c = order[i];
+        if (packets && hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    HYI_I(hyi_list_node)(swarm, at, list, count, space, true);
+}
+
+/* ---- leaves */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        if (HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any) && swarm->any) hyi_flight_stop(flight);
+    }
+}
+
+/* ---- instances */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any);
+
+/* The rays of a list go through what a box of the tree over instances stands for. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
+    hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
+    uint32_t entered = 0, *from = space;
+    for (uint32_t i = 0; i < count; i++) {
+        if (swarm->flights[list[i]].aim.t_far == -FLT_MAX) continue;
+        if (hyi_flight_enter(&below[entered], &swarm->flights[list[i]], &site)) from[entered++] = list[i];
+    }
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
+    for (uint32_t i = 0; i < entered; i++) {
+        hyi_flight *above = &swarm->flights[from[i]];
+        if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
+    }
+}
+
+/* ---- the way down */
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        if (flight->aim.t_far == -FLT_MAX) continue;
+        HYI_I(hyi_walk_scene)(&swarm->site, flight, at, swarm->any);
+        if (swarm->any && flight->best.instance != HYK_NONE) hyi_flight_stop(flight);
+    }
+}
+
+/* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
+   one. Packets are only in trees of triangles, and their lists so short that the space always suffices. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+    size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
+    bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
+    if (packets) {
+        if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
+        else HYI_I(hyi_list_node_packets)(swarm, at, list, count, space);
+    } else if (leaf && swarm->site.bvh->rows) {
+        HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+    } else if (leaf && fits) {
+        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    } else if (fits && count >= HYI_LIST_LEAST) {
+        HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+    } else {
+        HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    }
+}
+
+/* ---- all rays of a slice */
+
+/* Sends count packets on their way, those of a group together. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, uint32_t *space) {
+    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
+    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)swarm->packets[i].group;
+    hyi_group(keys, count, order, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        if (first[g + 1] == first[g]) continue;
+        hyi_set_group(swarm, g);
+        HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room, true);
+    }
+}
+
+/* Packets of the alike among a group's flights; the others come to stand first in rays, and are counted. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays, uint32_t count, uint32_t *space) {
+    uint32_t made = 0, others = 0;
+    for (uint32_t first = 0; first < count; first += HYI_LANES) {
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        if (some > HYI_LANES / 2u && HYI_I(hyi_pack_flights)(swarm, &swarm->packets[made], rays + first, some)) made++;
+        else
+            for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
+    }
+    for (uint32_t i = 0; i < made; i++) space[i] = i;
+    if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
+    return others;
+}
+
+/* Sends the first count flights (deep: of those in instances) through the tree of site. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
+    hyi_swarm swarm;
+    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
+    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    swarm.site = *site;
+    swarm.stream = stream;
+    swarm.rays = NULL;
+    swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
+    swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
+    swarm.any = any;
+    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u)) {
+        for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm.flights[i].aim);
+    hyi_group(keys, count, order, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        uint32_t *rays = order + first[g], some = first[g + 1] - first[g];
+        hyi_set_group(&swarm, g);
+        if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
+        if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
+    }
+}
+
+/* Packets of those among count rays that are alike; numbers of the others go to others, and are counted. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
+                                                     uint8_t *occluded, uint32_t count, uint32_t *others) {
+    hyi_swarm swarm;
+    uint32_t made = 0, rest = 0;
+    swarm.site = *site;
+    swarm.stream = stream;
+    swarm.rays = rays;
+    swarm.flights = NULL;
+    swarm.packets = stream->packets;
+    swarm.any = occluded != NULL;
+    for (uint32_t first = 0; first < count; first += HYI_LANES) {
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) made++;
+        else
+            for (uint32_t i = 0; i < some; i++) others[rest++] = first + i;
+    }
+    if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
+    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
+    return rest;
+}
+/* The words of one instruction set end here. */
+#undef HYI_ADD2
+#undef HYI_ADD4
+#undef HYI_ADDD
+#undef HYI_ADDW
+#undef HYI_ALLW
+#undef HYI_AND4
+#undef HYI_AND8
+#undef HYI_ANDW
+#undef HYI_AS_FLOATS
+#undef HYI_BITS2_2
+#undef HYI_BITS4_4
+#undef HYI_BITS8
+#undef HYI_BITSW
+#undef HYI_CHOOSE4
+#undef HYI_CLEAR_MASKS
+#undef HYI_D2
+#undef HYI_DEAL
+#undef HYI_DIV2
+#undef HYI_DIV4
+#undef HYI_DIVD
+#undef HYI_DIVW
+#undef HYI_F4
+#undef HYI_F8
+#undef HYI_FD
+#undef HYI_FW
+#undef HYI_GREATEST4
+#undef HYI_GREATESTW
+#undef HYI_HALFD
+#undef HYI_HIGH_AS_DOUBLES
+#undef HYI_I
+#undef HYI_LANES
+#undef HYI_LE4
+#undef HYI_LE8
+#undef HYI_LEAST4
+#undef HYI_LEASTW
+#undef HYI_LEW
+#undef HYI_LOAD4
+#undef HYI_LOAD4_ALIGNED
+#undef HYI_LOAD8
+#undef HYI_LOADU8
+#undef HYI_LOADW
+#undef HYI_LOW_AS_DOUBLES
+#undef HYI_LT2
+#undef HYI_LT4
+#undef HYI_LT8
+#undef HYI_LTD
+#undef HYI_LTW
+#undef HYI_M4
+#undef HYI_M8
+#undef HYI_MAD4
+#undef HYI_MAD8
+#undef HYI_MASKS
+#undef HYI_MAX2
+#undef HYI_MAX4
+#undef HYI_MAX8
+#undef HYI_MAXD
+#undef HYI_MAXW
+#undef HYI_MIN2
+#undef HYI_MIN4
+#undef HYI_MIN8
+#undef HYI_MIN8_WHERE
+#undef HYI_MIND
+#undef HYI_MINW
+#undef HYI_MOVE4
+#undef HYI_MUL2
+#undef HYI_MUL4
+#undef HYI_MUL8
+#undef HYI_MULD
+#undef HYI_MULW
+#undef HYI_MW
+#undef HYI_OR4
+#undef HYI_OR8
+#undef HYI_ORW
+#undef HYI_PIN2
+#undef HYI_PIN4
+#undef HYI_PIN8
+#undef HYI_PIND
+#undef HYI_PINW
+#undef HYI_SET2
+#undef HYI_SET4
+#undef HYI_SET8
+#undef HYI_SETD
+#undef HYI_SETW
+#undef HYI_STORE2
+#undef HYI_STORE4
+#undef HYI_STORE8
+#undef HYI_STORED
+#undef HYI_STOREH
+#undef HYI_STOREW
+#undef HYI_SUB2
+#undef HYI_SUB4
+#undef HYI_SUB8
+#undef HYI_SUBD
+#undef HYI_SUBW
+#undef HYI_TARGET
+#undef HYI_ZERO8
+#undef HYI_ZEROW
+
+#if HYI_GNU && !defined(__clang__)
+#pragma GCC diagnostic pop
+#endif
+
+#endif /* HYI_X86 */
+#endif /* HYI_BVH_AVX512_H */
+
+/* >>bvh-sse42: traversal in the words of SSE4.2: eight lanes are two times four */
+#ifndef HYI_BVH_SSE42_H
+#define HYI_BVH_SSE42_H
+
+#if HYI_X86
+
+HYI_INLINE HYI_SSE42 __m128 hyi_pin4_sse42(__m128 value) {
+#if HYI_GNU
+    __asm__("" : "+x"(value));
+#endif
+    return value;
+}
+
+HYI_INLINE HYI_SSE42 __m128d hyi_pin2_sse42(__m128d value) {
+#if HYI_GNU
+    __asm__("" : "+x"(value));
+#endif
+    return value;
+}
+
+HYI_INLINE HYI_SSE42 float hyi_greatest4_sse42(__m128 a) {
+    __m128 two = _mm_max_ps(a, _mm_movehl_ps(a, a));
+    return _mm_cvtss_f32(_mm_max_ss(two, _mm_shuffle_ps(two, two, 1)));
+}
+
+HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
+    __m128 two = _mm_min_ps(a, _mm_movehl_ps(a, a));
+    return _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps(two, two, 1)));
+}
+
+/* Writes sixteen bytes in the order of places. */
+HYI_INLINE HYI_SSE42 void hyi_move4_sse42(uint32_t *to, const uint32_t *from, const uint8_t *places) {
+    __m128i order = _mm_loadu_si128((const __m128i *)(const void *)places);
+    _mm_storeu_si128((__m128i *)(void *)to, _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)from), order));
+}
+
+#define HYI_TARGET HYI_SSE42
+#define HYI_I(name) name##_sse42
+#define HYI_F4 __m128
+#define HYI_M4 __m128
+#define HYI_LOAD4(p) _mm_loadu_ps(p)
+#define HYI_LOAD4_ALIGNED(p) _mm_load_ps(p)
+#define HYI_STORE4(p, a) _mm_storeu_ps(p, a)
+#define HYI_SET4(value) _mm_set1_ps(value)
+#define HYI_ADD4(a, b) _mm_add_ps(a, b)
+#define HYI_SUB4(a, b) _mm_sub_ps(a, b)
+#define HYI_MUL4(a, b) _mm_mul_ps(a, b)
+#define HYI_DIV4(a, b) _mm_div_ps(a, b)
+#define HYI_MAD4(a, b, c) _mm_add_ps(_mm_mul_ps(a, b), c)
+#define HYI_MIN4(a, b) _mm_min_ps(a, b)
+#define HYI_MAX4(a, b) _mm_max_ps(a, b)
+#define HYI_LT4(a, b) _mm_cmplt_ps(a, b)
+#define HYI_LE4(a, b) _mm_cmple_ps(a, b)
+#define HYI_AND4(a, b) _mm_and_ps(a, b)
+#define HYI_OR4(a, b) _mm_or_ps(a, b)
+#define HYI_CHOOSE4(m, a, b) _mm_blendv_ps(b, a, m)
+#define HYI_BITS4_4(low, high) ((uint32_t)_mm_movemask_ps(low) | (uint32_t)_mm_movemask_ps(high) << 4)
+#define HYI_PIN4(a) hyi_pin4_sse42(a)
+#define HYI_GREATEST4(a) hyi_greatest4_sse42(a)
+#define HYI_LEAST4(a) hyi_least4_sse42(a)
+#define HYI_MOVE4(to, from, places) hyi_move4_sse42(to, from, places)
+#define HYI_D2 __m128d
+#define HYI_SET2(value) _mm_set1_pd(value)
+#define HYI_STORE2(p, a) _mm_storeu_pd(p, a)
+#define HYI_LOW_AS_DOUBLES(a) _mm_cvtps_pd(a)
+#define HYI_HIGH_AS_DOUBLES(a) _mm_cvtps_pd(_mm_movehl_ps(a, a))
+#define HYI_AS_FLOATS(low, high) _mm_movelh_ps(_mm_cvtpd_ps(low), _mm_cvtpd_ps(high))
+#define HYI_ADD2(a, b) _mm_add_pd(a, b)
+#define HYI_SUB2(a, b) _mm_sub_pd(a, b)
+#define HYI_MUL2(a, b) _mm_mul_pd(a, b)
+#define HYI_DIV2(a, b) _mm_div_pd(a, b)
+#define HYI_MIN2(a, b) _mm_min_pd(a, b)
+#define HYI_MAX2(a, b) _mm_max_pd(a, b)
+#define HYI_LT2(a, b) _mm_cmplt_pd(a, b)
+#define HYI_BITS2_2(low, high) ((uint32_t)_mm_movemask_pd(low) | (uint32_t)_mm_movemask_pd(high) << 2)
+#define HYI_PIN2(a) hyi_pin2_sse42(a)
+/* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
+   for four floats and two doubles) */
+
+typedef struct HYI_I(hyi_f8) {
+    HYI_F4 low, high;
+} HYI_I(hyi_f8);
+
+typedef struct HYI_I(hyi_m8) {
+    HYI_M4 low, high;
+} HYI_I(hyi_m8);
+
+typedef struct HYI_I(hyi_d4) {
+    HYI_D2 low, high;
+} HYI_I(hyi_d4);
+
+#define HYI_PAIR(name, result, type, word)                                                        \
+    HYI_INLINE HYI_TARGET HYI_I(hyi_##result) HYI_I(hyi_##name)(HYI_I(hyi_##type) a, HYI_I(hyi_##type) b) { \
+        HYI_I(hyi_##result) r;                                                                    \
+        r.low = word(a.low, b.low);                                                               \
+        r.high = word(a.high, b.high);                                                            \
+        return r;                                                                                 \
+    }
+HYI_PAIR(add8, f8, f8, HYI_ADD4)
+HYI_PAIR(sub8, f8, f8, HYI_SUB4)
+HYI_PAIR(mul8, f8, f8, HYI_MUL4)
+HYI_PAIR(div8, f8, f8, HYI_DIV4)
+HYI_PAIR(min8, f8, f8, HYI_MIN4)
+HYI_PAIR(max8, f8, f8, HYI_MAX4)
+HYI_PAIR(lt8, m8, f8, HYI_LT4)
+HYI_PAIR(le8, m8, f8, HYI_LE4)
+HYI_PAIR(and8, m8, m8, HYI_AND4)
+HYI_PAIR(or8, m8, m8, HYI_OR4)
+HYI_PAIR(add_doubles, d4, d4, HYI_ADD2)
+HYI_PAIR(sub_doubles, d4, d4, HYI_SUB2)
+HYI_PAIR(mul_doubles, d4, d4, HYI_MUL2)
+HYI_PAIR(div_doubles, d4, d4, HYI_DIV2)
+HYI_PAIR(min_doubles, d4, d4, HYI_MIN2)
+HYI_PAIR(max_doubles, d4, d4, HYI_MAX2)
+#undef HYI_PAIR
+
+/* ---- floats */
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_set8)(float value) {
+    HYI_I(hyi_f8) r;
+    r.low = r.high = HYI_SET4(value);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_load8)(const float *p) {
+    HYI_I(hyi_f8) r;
+    r.low = HYI_LOAD4(p);
+    r.high = HYI_LOAD4(p + 4);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_load_plane)(const float *p) {
+    HYI_I(hyi_f8) r;
+    r.low = HYI_LOAD4_ALIGNED(p);
+    r.high = HYI_LOAD4_ALIGNED(p + 4);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store8)(float *p, HYI_I(hyi_f8) a) {
+    HYI_STORE4(p, a.low);
+    HYI_STORE4(p + 4, a.high);
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_mad8)(HYI_I(hyi_f8) a, HYI_I(hyi_f8) b, HYI_I(hyi_f8) c) {
+    HYI_I(hyi_f8) r;
+    r.low = HYI_MAD4(a.low, b.low, c.low);
+    r.high = HYI_MAD4(a.high, b.high, c.high);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_pin8)(HYI_I(hyi_f8) a) {
+    a.low = HYI_PIN4(a.low);
+    a.high = HYI_PIN4(a.high);
+    return a;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_min8_where)(HYI_I(hyi_f8) a, HYI_I(hyi_m8) m, HYI_I(hyi_f8) b) {
+    a.low = HYI_CHOOSE4(m.low, HYI_MIN4(a.low, b.low), a.low);
+    a.high = HYI_CHOOSE4(m.high, HYI_MIN4(a.high, b.high), a.high);
+    return a;
+}
+
+/* ---- doubles: four, in one half of a packet */
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_set_doubles)(double value) {
+    HYI_I(hyi_d4) r;
+    r.low = r.high = HYI_SET2(value);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_half_as_doubles)(HYI_I(hyi_f8) a, int half) {
+    HYI_F4 four = half ? a.high : a.low;
+    HYI_I(hyi_d4) r;
+    r.low = HYI_LOW_AS_DOUBLES(four);
+    r.high = HYI_HIGH_AS_DOUBLES(four);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_doubles)(double *p, HYI_I(hyi_d4) a) {
+    HYI_STORE2(p, a.low);
+    HYI_STORE2(p + 2, a.high);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_half)(float *p, int half, HYI_I(hyi_d4) a) {
+    HYI_STORE4(p + 4 * half, HYI_AS_FLOATS(a.low, a.high));
+}
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_lt_doubles)(HYI_I(hyi_d4) a, HYI_I(hyi_d4) b) {
+    return HYI_BITS2_2(HYI_LT2(a.low, b.low), HYI_LT2(a.high, b.high));
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
+    a.low = HYI_PIN2(a.low);
+    a.high = HYI_PIN2(a.high);
+    return a;
+}
+
+/* ---- lists */
+
+/* Bit r of byte c from bit c of byte r: a matrix of bits is transposed in blocks of 1, 2 and 4 (Warren 2012, "Hacker's
+   Delight", 7-3). */
+HYI_INLINE uint64_t HYI_I(hyi_transpose_bits)(uint64_t rows) {
+    uint64_t change = (rows ^ rows >> 7) & 0x00aa00aa00aa00aaull;
+    rows ^= change ^ change << 7;
+    change = (rows ^ rows >> 14) & 0x0000cccc0000ccccull;
+    rows ^= change ^ change << 14;
+    change = (rows ^ rows >> 28) & 0x00000000f0f0f0f0ull;
+    return rows ^ change ^ change << 28;
+}
+
+/* Appends eight items to the lists of the children that their masks name. Of each four those whose bit is set are moved
+   to the front by a permutation of bytes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
+#define HYI_WORD(lane) 4 * (lane), 4 * (lane) + 1, 4 * (lane) + 2, 4 * (lane) + 3
+#define HYI_WORDS(a, b, c, d) {HYI_WORD(a), HYI_WORD(b), HYI_WORD(c), HYI_WORD(d)}
+    static const uint8_t front[16][16] = {
+        HYI_WORDS(0, 0, 0, 0), HYI_WORDS(0, 0, 0, 0), HYI_WORDS(1, 0, 0, 0), HYI_WORDS(0, 1, 0, 0),
+        HYI_WORDS(2, 0, 0, 0), HYI_WORDS(0, 2, 0, 0), HYI_WORDS(1, 2, 0, 0), HYI_WORDS(0, 1, 2, 0),
+        HYI_WORDS(3, 0, 0, 0), HYI_WORDS(0, 3, 0, 0), HYI_WORDS(1, 3, 0, 0), HYI_WORDS(0, 1, 3, 0),
+        HYI_WORDS(2, 3, 0, 0), HYI_WORDS(0, 2, 3, 0), HYI_WORDS(1, 2, 3, 0), HYI_WORDS(0, 1, 2, 3)};
+#undef HYI_WORDS
+#undef HYI_WORD
+    const uint64_t counts = 0x4332322132212110ull; /* four bits each: how many bits are set in 0 .. 15 */
+    uint64_t takes = HYI_I(hyi_transpose_bits)(masks->all);
+    for (uint32_t c = 0; c < 8u; c++, takes >>= 8) {
+        uint32_t low = (uint32_t)takes & 15u, high = (uint32_t)(takes >> 4) & 15u;
+        uint32_t *list = lists + (size_t)c * stride + dealt[c], some = (uint32_t)(counts >> 4u * low) & 7u;
+        HYI_MOVE4(list, items, front[low]);
+        HYI_MOVE4(list + some, items + 4, front[high]);
+        dealt[c] += some + ((uint32_t)(counts >> 4u * high) & 7u);
+    }
+}
+
+#define HYI_F8 HYI_I(hyi_f8)
+#define HYI_M8 HYI_I(hyi_m8)
+#define HYI_LOAD8(p) HYI_I(hyi_load_plane)(p)
+#define HYI_LOADU8(p) HYI_I(hyi_load8)(p)
+#define HYI_STORE8(p, a) HYI_I(hyi_store8)(p, a)
+#define HYI_SET8(value) HYI_I(hyi_set8)(value)
+#define HYI_ZERO8() HYI_I(hyi_set8)(0.0f)
+#define HYI_SUB8(a, b) HYI_I(hyi_sub8)(a, b)
+#define HYI_MUL8(a, b) HYI_I(hyi_mul8)(a, b)
+#define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
+#define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
+#define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
+#define HYI_LT8(a, b) HYI_I(hyi_lt8)(a, b)
+#define HYI_LE8(a, b) HYI_I(hyi_le8)(a, b)
+#define HYI_AND8(a, b) HYI_I(hyi_and8)(a, b)
+#define HYI_OR8(a, b) HYI_I(hyi_or8)(a, b)
+#define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
+#define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
+#define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
+#define HYI_LANES 8u
+#define HYI_ALLW 0xffu
+#define HYI_FW HYI_F8
+#define HYI_MW HYI_M8
+#define HYI_LOADW(p) HYI_LOADU8(p)
+#define HYI_STOREW(p, a) HYI_STORE8(p, a)
+#define HYI_SETW(value) HYI_SET8(value)
+#define HYI_ZEROW() HYI_ZERO8()
+#define HYI_ADDW(a, b) HYI_I(hyi_add8)(a, b)
+#define HYI_SUBW(a, b) HYI_SUB8(a, b)
+#define HYI_MULW(a, b) HYI_MUL8(a, b)
+#define HYI_DIVW(a, b) HYI_I(hyi_div8)(a, b)
+#define HYI_MINW(a, b) HYI_MIN8(a, b)
+#define HYI_MAXW(a, b) HYI_MAX8(a, b)
+#define HYI_LTW(a, b) HYI_LT8(a, b)
+#define HYI_LEW(a, b) HYI_LE8(a, b)
+#define HYI_ANDW(a, b) HYI_AND8(a, b)
+#define HYI_ORW(a, b) HYI_OR8(a, b)
+#define HYI_BITSW(m) HYI_BITS8(m)
+#define HYI_PINW(a) HYI_PIN8(a)
+#define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
+#define HYI_LEASTW(a) HYI_LEAST4(HYI_MIN4((a).low, (a).high))
+#define HYI_DEAL 8u
+#define HYI_MASKS hyi_masks8
+#define HYI_CLEAR_MASKS(masks) ((masks).all = 0)
+#define HYI_FD HYI_I(hyi_d4)
+#define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
+#define HYI_HALFD(a, half) HYI_I(hyi_half_as_doubles)(a, half)
+#define HYI_STORED(p, a) HYI_I(hyi_store_doubles)(p, a)
+#define HYI_STOREH(p, half, a) HYI_I(hyi_store_half)(p, half, a)
+#define HYI_ADDD(a, b) HYI_I(hyi_add_doubles)(a, b)
+#define HYI_SUBD(a, b) HYI_I(hyi_sub_doubles)(a, b)
+#define HYI_MULD(a, b) HYI_I(hyi_mul_doubles)(a, b)
+#define HYI_DIVD(a, b) HYI_I(hyi_div_doubles)(a, b)
+#define HYI_MIND(a, b) HYI_I(hyi_min_doubles)(a, b)
+#define HYI_MAXD(a, b) HYI_I(hyi_max_doubles)(a, b)
+#define HYI_LTD(a, b) HYI_I(hyi_lt_doubles)(a, b)
+#define HYI_PIND(a) HYI_I(hyi_pin_doubles)(a)
+/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+
+   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
+
+
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+    HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
+    HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
+    HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
+    HYI_F8 nz = HYI_MAD8(near_planes[2], iz, HYI_SET8(aim->near_offset[2]));
+    HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
+    HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
+    HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+    return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+}
+
+/* Bits of the children that the ray meets, and where it enters them. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
+    HYI_F8 near_planes[3], far_planes[3], t;
+    for (int a = 0; a < 3; a++) {
+        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
+        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+    }
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    HYI_STORE8(enter, t);
+    return mask;
+}
+
+/* A corner in the sheared frame, eight triangles at once. */
+typedef struct HYI_I(hyi_corners) {
+    HYI_F8 x, y, z;
+} HYI_I(hyi_corners);
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+    HYI_I(hyi_corners) p;
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
+    return p;
+}
+
+/* p.x q.y - p.y q.x */
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_corners) q) {
+    return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
+}
+
+/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
+   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
+    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
+    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
+    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
+    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
+    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
+    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
+    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
+    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
+    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
+}
+
+/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
+    bool found = false;
+    for (; mask; mask &= mask - 1u) {
+        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+        if (found && any) break;
+    }
+    return found;
+}
+
+/* One ray through a tree of triangles, from child at on. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
+    const hyi_node *nodes = site->bvh->nodes;
+    hyi_waiting stack[HYI_STACK], *top = stack;
+    for (;;) {
+        while (!hyi_child_is_leaf(at)) {
+            const hyi_node *node = &nodes[at];
+            float enter[8];
+            uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
+            at = HYI_CHILD_NONE;
+            if (!mask) break;
+            uint32_t first = hyi_lowest_bit(mask);
+            mask &= mask - 1u;
+            at = node->child[first];
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+        }
+        if (at != HYI_CHILD_NONE) {
+            if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
+        }
+        do {
+            if (top == stack) return;
+            top--;
+        } while (top->t > flight->aim.t_far);
+        at = top->child;
+    }
+}
+
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_closest)(const hyi_site *site, hyi_flight *flight, uint32_t at) {
+    HYI_I(hyi_walk_triangles)(site, flight, at, false);
+}
+
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_any)(const hyi_site *site, hyi_flight *flight, uint32_t at) {
+    HYI_I(hyi_walk_triangles)(site, flight, at, true);
+}
+
+/* One ray through a tree of boxes; visit is called for each box met and says whether to stop. */
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_flight *flight, uint32_t at, hyi_box_visit visit, void *argument) {
+    hyi_waiting stack[HYI_STACK], *top = stack;
+    for (;;) {
+        if (hyi_child_is_leaf(at)) {
+            if (visit(argument, flight, bvh->ids[hyi_leaf_first(at)])) return;
+        } else {
+            float enter[8];
+            const hyi_node *node = &bvh->nodes[at];
+            uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
+            if (mask) {
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                top->child = nearest;
+                top++->t = -FLT_MAX;
+            }
+        }
+        do {
+            if (top == stack) return;
+            top--;
+        } while (top->t > flight->aim.t_far);
+        at = top->child;
+    }
+}
+
+/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
+    const hyi_visit_of *of = (const hyi_visit_of *)argument;
+    hyi_site site = hyi_site_of_item(of->accel, item);
+    hyi_flight below;
+    if (!hyi_flight_enter(&below, flight, &site)) return false;
+    if (of->any) HYI_I(hyi_walk_any)(&site, &below, site.bvh->root);
+    else HYI_I(hyi_walk_closest)(&site, &below, site.bvh->root);
+    return hyi_flight_return(flight, &below) && of->any;
+}
+
+/* One ray through the scene, or through what is left of it below a child of its first tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
+    hyi_visit_of of;
+    if (site->bvh->rows && any) {
+        HYI_I(hyi_walk_any)(site, flight, at);
+    } else if (site->bvh->rows) {
+        HYI_I(hyi_walk_closest)(site, flight, at);
+    } else {
+        of.accel = site->accel;
+        of.any = any;
+        HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
+    }
+}
+/* ---- packets of alike rays (expanded once for each instruction set) */
+
+/* The planes of a node in the order in which the rays of a swarm meet them. */
+typedef struct HYI_I(hyi_planes) {
+    HYI_F8 near_planes[3], far_planes[3];
+} HYI_I(hyi_planes);
+
+/* Eight boxes against the bounds of a packet: no ray of it enters earlier than enter, or leaves later. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, const HYI_I(hyi_planes) *planes, HYI_F8 *enter) {
+    HYI_F8 first = HYI_SET8(p->first_t), last = HYI_SET8(p->last_t);
+    for (int a = 0; a < 3; a++) {
+        HYI_F8 low = HYI_SET8(p->inverse_low[a]), high = HYI_SET8(p->inverse_high[a]);
+        HYI_F8 to_near = HYI_SUB8(planes->near_planes[a], HYI_SET8(p->near_origin[a]));
+        HYI_F8 to_far = HYI_SUB8(planes->far_planes[a], HYI_SET8(p->far_origin[a]));
+        first = HYI_MAX8(first, HYI_MIN8(HYI_MUL8(to_near, low), HYI_MUL8(to_near, high)));
+        last = HYI_MIN8(last, HYI_MAX8(HYI_MUL8(to_far, low), HYI_MUL8(to_far, high)));
+    }
+    *enter = first;
+    return HYI_LE8(first, last);
+}
+
+/* Whether any ray of a packet meets the box of child c. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
+    HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
+    for (int k = 0; k < 3; k++) {
+        uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
+        float slack = (near_row & 1u) ? p->bound[a] : -p->bound[a];
+        HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
+        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row][c] + slack), origin), inverse));
+        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row ^ 1u][c] - slack), origin), inverse));
+    }
+    return HYI_BITSW(HYI_LEW(first, last)) != 0u;
+}
+
+/* ---- triangles */
+
+/* A corner in the sheared frames of the rays of a packet. */
+typedef struct HYI_I(hyi_corner_all) {
+    HYI_FW x, y, z;
+} HYI_I(hyi_corner_all);
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+    HYI_I(hyi_corner_all) c;
+    c.z = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[2] * stride]), HYI_LOADW(p->origin[2])));
+    HYI_FW dx = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[0] * stride]), HYI_LOADW(p->origin[0])));
+    HYI_FW dy = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[1] * stride]), HYI_LOADW(p->origin[1])));
+    c.x = HYI_PINW(HYI_SUBW(dx, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[0]), c.z))));
+    c.y = HYI_PINW(HYI_SUBW(dy, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[1]), c.z))));
+    return c;
+}
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I(hyi_corner_all) q) {
+    return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
+}
+
+/* Bits of the rays that need a closer look at one triangle: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
+    HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
+    HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
+    HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
+    HYI_MW above = HYI_LTW(HYI_ZEROW(), HYI_MAXW(HYI_MAXW(a, b), c));
+    HYI_FW scale = HYI_LOADW(packet->inverse_z);
+    HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
+    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
+    HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
+    return ~HYI_BITSW(HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early))) & HYI_ALLW;
+}
+
+/* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, HYI_FD qx, HYI_FD qy) {
+    return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
+}
+
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], const HYI_FD v[3]) {
+    HYI_FD first = HYI_PIND(HYI_MULD(HYI_SETD(n[0]), v[0])), second = HYI_PIND(HYI_MULD(HYI_SETD(n[1]), v[1]));
+    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(HYI_SETD(n[2]), v[2]))));
+}
+
+/* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
+                                                       const double n[3], int half, double t[8], double weights[3][8]) {
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
+    for (int i = 0; i < 3; i++) {
+        x[i] = HYI_HALFD(corners[i].x, half);
+        y[i] = HYI_HALFD(corners[i].y, half);
+        to_corner[i] = HYI_PIND(HYI_SUBD(HYI_SETD(corner[i]), HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
+        direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
+    }
+    HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
+    HYI_FD b = HYI_I(hyi_cross_exact_half)(x[0], y[0], x[2], y[2]);
+    HYI_FD c = HYI_I(hyi_cross_exact_half)(x[1], y[1], x[0], y[0]);
+    uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
+    HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
+    HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
+    HYI_STORED(t, HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_STORED(weights[0], b);
+    HYI_STORED(weights[1], c);
+    HYI_STORED(weights[2], sum);
+    return ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+}
+
+/* The plane of a triangle as hyi_plane_distance works it out: a corner and the normal. */
+HYI_INLINE void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, double corner[3], double n[3]) {
+    double e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        const float *row = rows + axis[i] * stride;
+        corner[i] = (double)row[0];
+        e[i] = hyi_rounded_double((double)row[3u * stride] - corner[i]);
+        f[i] = hyi_rounded_double((double)row[6u * stride] - corner[i]);
+    }
+    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+}
+
+/* Takes a confirmed hit of one ray if it is the best. */
+HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t primitive, float t, const double weights[3]) {
+    hyi_best best;
+    best.t = packet->best_t[lane];
+    best.instance = packet->instance[lane];
+    best.primitive = packet->primitive[lane];
+    if (!(t >= packet->t_min[lane]) || !hyi_beats(&best, t, swarm->site.instance, primitive)) return false;
+    if (swarm->site.asks_alpha) {
+        const hyk_ray *ray = swarm->rays ? &swarm->rays[packet->ray[lane]] : swarm->flights[packet->ray[lane]].ray;
+        double inverse = hyi_rounded_double(1.0 / weights[2]);
+        if (hyi_lets_pass(&swarm->site, ray, primitive, (float)(weights[0] * inverse), (float)(weights[1] * inverse))) return false;
+    }
+    packet->best_t[lane] = t;
+    packet->instance[lane] = swarm->site.instance;
+    packet->primitive[lane] = primitive;
+    for (int i = 0; i < 3; i++) packet->weights[i][lane] = weights[i];
+    packet->t_far[lane] = swarm->any ? -FLT_MAX : t + 4.0f * HYI_ULP * fabsf(t);
+    return true;
+}
+
+/* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                   const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
+    double corner[3], n[3];
+    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
+    bool found = false;
+    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
+    for (int half = 0; half < 2; half++) {
+        uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
+        double t[8], weights[3][8];
+        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, half, t, weights);
+        for (; some; some &= some - 1u) {
+            uint32_t lane = hyi_lowest_bit(some);
+            const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
+            if ((float)t[lane] <= packet->best_t[base + lane] && HYI_I(hyi_take_hit)(swarm, packet, base + lane, primitive, (float)t[lane], w)) found = true;
+        }
+    }
+    return found;
+}
+
+/* node, c: where the leaf hangs; NULL: nowhere. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
+                                                    const hyi_node *node, uint32_t c) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t triangles = hyi_leaf_count(leaf);
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_packet *packet = &swarm->packets[list[i]];
+        bool found = false;
+        if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
+        for (uint32_t t = 0; t < triangles; t++) {
+            HYI_I(hyi_corner_all) corners[3];
+            for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + t, triangles);
+            uint32_t mask = HYI_I(hyi_meet_triangle_all)(packet, corners);
+            if (mask && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, mask)) found = true;
+        }
+        if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    }
+}
+
+/* ---- making packets */
+
+/* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float low[3], high[3], extent = 0.0f, z = 0.0f;
+    uint32_t axis = packet->group >> 3;
+    for (int a = 0; a < 2; a++) {
+        HYI_FW shear = HYI_LOADW(packet->shear[a]);
+        if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
+    }
+    for (int a = 0; a < 3; a++) {
+        low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
+        high[a] = HYI_GREATESTW(HYI_LOADW(o[a]));
+        extent = box->upper[a] - box->lower[a] > extent ? box->upper[a] - box->lower[a] : extent;
+    }
+    float below = hyi_reach(box, low[axis], (int)axis, false), above = hyi_reach(box, high[axis], (int)axis, false);
+    z = below > above ? below : above;
+    for (int a = 0; a < 3; a++) {
+        if (!(high[a] - low[a] <= HYI_PACKET_ORIGINS * extent)) return false;
+        float from_low = hyi_reach(box, low[a], a, false), from_high = hyi_reach(box, high[a], a, false);
+        float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
+        float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
+        bool falls = (packet->group >> a & 1u) != 0u;
+        packet->bound[a] = bound;
+        packet->near_origin[a] = falls ? low[a] - bound : high[a] + bound;
+        packet->far_origin[a] = falls ? high[a] + bound : low[a] - bound;
+        HYI_STOREW(packet->inverse[a == (int)axis ? 2 : (a + 3 - (int)axis) % 3 - 1], HYI_LOADW(inverse[a]));
+        packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
+        packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
+    }
+    packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
+    packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    return true;
+}
+
+/* Whether |v| <= limit in all lanes; what is not a number is not. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_all_within)(const float *v, float limit) {
+    HYI_FW size = HYI_MAXW(HYI_LOADW(v), HYI_SUBW(HYI_ZEROW(), HYI_LOADW(v)));
+    return HYI_BITSW(HYI_LEW(size, HYI_SETW(limit))) == HYI_ALLW;
+}
+
+/* What directions have in common: see hyi_aim_group; false: they differ in that, or in size by far. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(float d[3][HYI_PACKET_WIDTH], uint32_t *group) {
+    HYI_FW zero = HYI_ZEROW(), size[3];
+    *group = 0;
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(d[a]);
+        uint32_t falls = HYI_BITSW(HYI_LTW(v, zero));
+        if ((falls != 0u && falls != HYI_ALLW) || !HYI_I(hyi_all_within)(d[a], 1073741824.0f)) return false;
+        *group |= (falls ? 1u : 0u) << a;
+        size[a] = HYI_MAXW(v, HYI_SUBW(zero, v));
+    }
+    uint32_t y = HYI_BITSW(HYI_LTW(size[0], size[1])), z = HYI_BITSW(HYI_LTW(HYI_MAXW(size[0], size[1]), size[2]));
+    if ((z != 0u && z != HYI_ALLW) || (z == 0u && y != 0u && y != HYI_ALLW)) return false;
+    HYI_FW largest = HYI_MAXW(HYI_MAXW(size[0], size[1]), size[2]);
+    *group |= (z ? 2u : y ? 1u : 0u) << 3;
+    return HYI_LEASTW(largest) >= 9.31322574615478515625e-10f;
+}
+
+/* hyi_aim_shear for all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
+    for (int half = 0; half < 2; half++) {
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_STOREH(packet->inverse_z, half, t_by_z);
+    }
+}
+
+/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
+    float o[3][HYI_PACKET_WIDTH], d[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], scale = swarm->site.bvh->scale;
+    hyi_swarm order;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyk_ray ray = hyi_load_ray(&swarm->rays[first + i]);
+        o[0][i] = ray.origin.x * scale;
+        o[1][i] = ray.origin.y * scale;
+        o[2][i] = ray.origin.z * scale;
+        d[0][i] = ray.direction.x * scale;
+        d[1][i] = ray.direction.y * scale;
+        d[2][i] = ray.direction.z * scale;
+        packet->t_min[i] = ray.t_min;
+        packet->best_t[i] = ray.t_max;
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+    }
+    if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
+    HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
+    bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
+    if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
+    hyi_set_group(&order, packet->group);
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(d[a]);
+        if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
+        v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
+        HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
+        HYI_STOREW(packet->origin[a], HYI_LOADW(o[order.axis[a]]));
+        HYI_STOREW(packet->direction[a], HYI_LOADW(d[order.axis[a]]));
+    }
+    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
+    HYI_STOREW(packet->best_t, limit);
+    HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
+    HYI_I(hyi_shear_packet)(packet);
+    packet->count = HYI_LANES;
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
+    for (uint32_t i = 0; i < packet->count; i++) {
+        bool found = packet->instance[i] != HYK_NONE;
+        if (occluded) {
+            occluded[packet->ray[i]] = found ? 1 : 0;
+            continue;
+        }
+        hyk_hit *hit = &hits[packet->ray[i]];
+        double inverse = found ? hyi_rounded_double(1.0 / packet->weights[2][i]) : 0.0;
+        hit->t = found ? packet->best_t[i] : -1.0f;
+        hit->u = found ? (float)(packet->weights[0][i] * inverse) : 0.0f;
+        hit->v = found ? (float)(packet->weights[1][i] * inverse) : 0.0f;
+        hit->instance = packet->instance[i];
+        hit->primitive = packet->primitive[i];
+        hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+    }
+}
+
+/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
+        const hyi_aim *aim = &flight->aim;
+        if (aim->unit != 1.0) return false;
+        for (int a = 0; a < 3; a++) {
+            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
+            packet->direction[a][i] = aim->direction[a];
+            inverse[a][i] = aim->inverse[a];
+        }
+        packet->shear[0][i] = aim->shear[0];
+        packet->shear[1][i] = aim->shear[1];
+        packet->inverse_z[i] = aim->inverse_z;
+        packet->t_min[i] = flight->t_min;
+        packet->t_near[i] = aim->t_near;
+        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
+        packet->best_t[i] = flight->best.t;
+        packet->instance[i] = flight->best.instance;
+        packet->primitive[i] = flight->best.primitive;
+        packet->weights[2][i] = 0.0;
+        packet->ray[i] = rays[i < count ? i : 0u];
+    }
+    packet->count = count;
+    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+/* Sum 0 stands for a hit that is not the packet's own. */
+HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    for (uint32_t i = 0; i < packet->count; i++) {
+        hyi_best *best = &swarm->flights[packet->ray[i]].best;
+        if (packet->weights[2][i] == 0.0) continue;
+        double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
+        best->t = packet->best_t[i];
+        best->u = (float)(packet->weights[0][i] * inverse);
+        best->v = (float)(packet->weights[1][i] * inverse);
+        best->instance = packet->instance[i];
+        best->primitive = packet->primitive[i];
+    }
+}
+/* ---- many rays (expanded once for each instruction set)
+
+   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+
+/* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                           uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
+    HYI_I(hyi_planes) planes;
+    HYI_F8 least = HYI_SET8(FLT_MAX);
+    for (int a = 0; a < 3; a++) {
+        planes.near_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a]]);
+        planes.far_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a] ^ 1u]);
+    }
+    for (uint32_t first = 0; first < count; first += HYI_DEAL) {
+        uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
+        HYI_MASKS masks;
+        HYI_CLEAR_MASKS(masks);
+        for (uint32_t i = 0; i < some; i++) {
+            HYI_F8 enter;
+            uint32_t item = list[first + i];
+            HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
+                                  : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
+            least = HYI_MIN8_WHERE(least, mask, enter);
+            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+        }
+        HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
+    }
+    HYI_STORE8(nearest, least);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+    const hyi_node *node = &swarm->site.bvh->nodes[at];
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
+    float nearest[HYI_WIDTH];
+    HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) mask |= (dealt[c] ? 1u : 0u) << c;
+    if (swarm->site.bvh->rows)
+        for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
+    uint32_t children = hyi_order_children(mask, nearest, order);
+    for (uint32_t i = 0; i < children; i++) {
+        uint32_t c = order[i];
+        if (packets && hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    HYI_I(hyi_list_node)(swarm, at, list, count, space, true);
+}
+
+/* ---- leaves */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        if (HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any) && swarm->any) hyi_flight_stop(flight);
+    }
+}
+
+/* ---- instances */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any);
+
+/* The rays of a list go through what a box of the tree over instances stands for. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
+    hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
+    uint32_t entered = 0, *from = space;
+    for (uint32_t i = 0; i < count; i++) {
+        if (swarm->flights[list[i]].aim.t_far == -FLT_MAX) continue;
+        if (hyi_flight_enter(&below[entered], &swarm->flights[list[i]], &site)) from[entered++] = list[i];
+    }
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
+    for (uint32_t i = 0; i < entered; i++) {
+        hyi_flight *above = &swarm->flights[from[i]];
+        if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
+    }
+}
+
+/* ---- the way down */
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        if (flight->aim.t_far == -FLT_MAX) continue;
+        HYI_I(hyi_walk_scene)(&swarm->site, flight, at, swarm->any);
+        if (swarm->any && flight->best.instance != HYK_NONE) hyi_flight_stop(flight);
+    }
+}
+
+/* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
+   one. Packets are only in trees of triangles, and their lists so short that the space always suffices. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+    size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
+    bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
+    if (packets) {
+        if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
+        else HYI_I(hyi_list_node_packets)(swarm, at, list, count, space);
+    } else if (leaf && swarm->site.bvh->rows) {
+        HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+    } else if (leaf && fits) {
+        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    } else if (fits && count >= HYI_LIST_LEAST) {
+        HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+    } else {
+        HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    }
+}
+
+/* ---- all rays of a slice */
+
+/* Sends count packets on their way, those of a group together. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, uint32_t *space) {
+    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
+    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)swarm->packets[i].group;
+    hyi_group(keys, count, order, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        if (first[g + 1] == first[g]) continue;
+        hyi_set_group(swarm, g);
+        HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room, true);
+    }
+}
+
+/* Packets of the alike among a group's flights; the others come to stand first in rays, and are counted. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays, uint32_t count, uint32_t *space) {
+    uint32_t made = 0, others = 0;
+    for (uint32_t first = 0; first < count; first += HYI_LANES) {
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        if (some > HYI_LANES / 2u && HYI_I(hyi_pack_flights)(swarm, &swarm->packets[made], rays + first, some)) made++;
+        else
+            for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
+    }
+    for (uint32_t i = 0; i < made; i++) space[i] = i;
+    if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
+    return others;
+}
+
+/* Sends the first count flights (deep: of those in instances) through the tree of site. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
+    hyi_swarm swarm;
+    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
+    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    swarm.site = *site;
+    swarm.stream = stream;
+    swarm.rays = NULL;
+    swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
+    swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
+    swarm.any = any;
+    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u)) {
+        for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm.flights[i].aim);
+    hyi_group(keys, count, order, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        uint32_t *rays = order + first[g], some = first[g + 1] - first[g];
+        hyi_set_group(&swarm, g);
+        if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
+        if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
+    }
+}
+
+/* Packets of those among count rays that are alike; numbers of the others go to others, and are counted. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
+                                                     uint8_t *occluded, uint32_t count, uint32_t *others) {
+    hyi_swarm swarm;
+    uint32_t made = 0, rest = 0;
+    swarm.site = *site;
+    swarm.stream = stream;
+    swarm.rays = rays;
+    swarm.flights = NULL;
+    swarm.packets = stream->packets;
+    swarm.any = occluded != NULL;
+    for (uint32_t first = 0; first < count; first += HYI_LANES) {
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) made++;
+        else
+            for (uint32_t i = 0; i < some; i++) others[rest++] = first + i;
+    }
+    if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
+    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
+    return rest;
+}
+/* The words of one instruction set end here. */
+#undef HYI_ADD2
+#undef HYI_ADD4
+#undef HYI_ADDD
+#undef HYI_ADDW
+#undef HYI_ALLW
+#undef HYI_AND4
+#undef HYI_AND8
+#undef HYI_ANDW
+#undef HYI_AS_FLOATS
+#undef HYI_BITS2_2
+#undef HYI_BITS4_4
+#undef HYI_BITS8
+#undef HYI_BITSW
+#undef HYI_CHOOSE4
+#undef HYI_CLEAR_MASKS
+#undef HYI_D2
+#undef HYI_DEAL
+#undef HYI_DIV2
+#undef HYI_DIV4
+#undef HYI_DIVD
+#undef HYI_DIVW
+#undef HYI_F4
+#undef HYI_F8
+#undef HYI_FD
+#undef HYI_FW
+#undef HYI_GREATEST4
+#undef HYI_GREATESTW
+#undef HYI_HALFD
+#undef HYI_HIGH_AS_DOUBLES
+#undef HYI_I
+#undef HYI_LANES
+#undef HYI_LE4
+#undef HYI_LE8
+#undef HYI_LEAST4
+#undef HYI_LEASTW
+#undef HYI_LEW
+#undef HYI_LOAD4
+#undef HYI_LOAD4_ALIGNED
+#undef HYI_LOAD8
+#undef HYI_LOADU8
+#undef HYI_LOADW
+#undef HYI_LOW_AS_DOUBLES
+#undef HYI_LT2
+#undef HYI_LT4
+#undef HYI_LT8
+#undef HYI_LTD
+#undef HYI_LTW
+#undef HYI_M4
+#undef HYI_M8
+#undef HYI_MAD4
+#undef HYI_MAD8
+#undef HYI_MASKS
+#undef HYI_MAX2
+#undef HYI_MAX4
+#undef HYI_MAX8
+#undef HYI_MAXD
+#undef HYI_MAXW
+#undef HYI_MIN2
+#undef HYI_MIN4
+#undef HYI_MIN8
+#undef HYI_MIN8_WHERE
+#undef HYI_MIND
+#undef HYI_MINW
+#undef HYI_MOVE4
+#undef HYI_MUL2
+#undef HYI_MUL4
+#undef HYI_MUL8
+#undef HYI_MULD
+#undef HYI_MULW
+#undef HYI_MW
+#undef HYI_OR4
+#undef HYI_OR8
+#undef HYI_ORW
+#undef HYI_PIN2
+#undef HYI_PIN4
+#undef HYI_PIN8
+#undef HYI_PIND
+#undef HYI_PINW
+#undef HYI_SET2
+#undef HYI_SET4
+#undef HYI_SET8
+#undef HYI_SETD
+#undef HYI_SETW
+#undef HYI_STORE2
+#undef HYI_STORE4
+#undef HYI_STORE8
+#undef HYI_STORED
+#undef HYI_STOREH
+#undef HYI_STOREW
+#undef HYI_SUB2
+#undef HYI_SUB4
+#undef HYI_SUB8
+#undef HYI_SUBD
+#undef HYI_SUBW
+#undef HYI_TARGET
+#undef HYI_ZERO8
+#undef HYI_ZEROW
+
+#endif /* HYI_X86 */
+#endif /* HYI_BVH_SSE42_H */
+
+/* >>bvh-neon: traversal in the words of NEON: eight lanes are two times four */
 #ifndef HYI_BVH_NEON_H
 #define HYI_BVH_NEON_H
 
 #if HYI_NEON
 
-/* Keeps a value as rounded: see hyi_rounded. */
-HYI_INLINE float32x4_t hyi_rounded4(float32x4_t value) {
+HYI_INLINE float32x4_t hyi_pin4_neon(float32x4_t value) {
+#if HYI_GNU
+    __asm__("" : "+w"(value));
+#endif
+    return value;
+}
+
+HYI_INLINE float64x2_t hyi_pin2_neon(float64x2_t value) {
 #if HYI_GNU
     __asm__("" : "+w"(value));
 #endif
@@ -6437,200 +9704,1063 @@ HYI_INLINE float32x4_t hyi_rounded4(float32x4_t value) {
 }
 
 /* One bit a lane. */
-HYI_INLINE uint32_t hyi_mask4(uint32x4_t lanes) {
-    static const uint32_t bits[4] = {1u, 2u, 4u, 8u};
-    return vaddvq_u32(vandq_u32(lanes, vld1q_u32(bits)));
+HYI_INLINE uint32_t hyi_bits4_4_neon(uint32x4_t low, uint32x4_t high) {
+    static const uint16_t bits[8] = {1, 2, 4, 8, 16, 32, 64, 128};
+    return vaddvq_u16(vandq_u16(vcombine_u16(vmovn_u32(low), vmovn_u32(high)), vld1q_u16(bits)));
 }
 
-HYI_INLINE float32x4_t hyi_slab4(const float *planes, float origin, float inverse) {
-    return vmulq_n_f32(vsubq_f32(vld1q_f32(planes), vdupq_n_f32(origin)), inverse);
+HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
+    static const uint32_t bits[4] = {1, 2, 4, 8};
+    return vaddvq_u32(vandq_u32(vcombine_u32(vmovn_u64(low), vmovn_u64(high)), vld1q_u32(bits)));
 }
 
-HYI_INLINE uint32_t hyi_boxes4(const hyi_aim *aim, const hyi_node *node, uint32_t lane, float *t) {
-    const uint32_t *row = aim->near_plane;
-    float32x4_t nx = hyi_slab4(&node->planes[row[0]][lane], aim->near_origin[0], aim->inverse[0]);
-    float32x4_t ny = hyi_slab4(&node->planes[row[1]][lane], aim->near_origin[1], aim->inverse[1]);
-    float32x4_t nz = hyi_slab4(&node->planes[row[2]][lane], aim->near_origin[2], aim->inverse[2]);
-    float32x4_t fx = hyi_slab4(&node->planes[row[0] ^ 1u][lane], aim->far_origin[0], aim->inverse[0]);
-    float32x4_t fy = hyi_slab4(&node->planes[row[1] ^ 1u][lane], aim->far_origin[1], aim->inverse[1]);
-    float32x4_t fz = hyi_slab4(&node->planes[row[2] ^ 1u][lane], aim->far_origin[2], aim->inverse[2]);
-    float32x4_t enter = vmaxq_f32(vmaxq_f32(nx, ny), vmaxq_f32(nz, vdupq_n_f32(aim->t_near)));
-    float32x4_t leave = vminq_f32(vminq_f32(fx, fy), vminq_f32(fz, vdupq_n_f32(aim->t_far)));
-    vst1q_f32(t + lane, enter);
-    return hyi_mask4(vcleq_f32(enter, leave)) << lane;
+/* Writes sixteen bytes in the order of places. */
+HYI_INLINE void hyi_move4_neon(uint32_t *to, const uint32_t *from, const uint8_t *places) {
+    vst1q_u32(to, vreinterpretq_u32_u8(vqtbl1q_u8(vreinterpretq_u8_u32(vld1q_u32(from)), vld1q_u8(places))));
 }
 
-HYI_INLINE uint32_t hyi_boxes_neon(const hyi_aim *aim, const hyi_node *node, float *t) {
-    return hyi_boxes4(aim, node, 0u, t) | hyi_boxes4(aim, node, 4u, t);
+#define HYI_TARGET
+#define HYI_I(name) name##_neon
+#define HYI_F4 float32x4_t
+#define HYI_M4 uint32x4_t
+#define HYI_LOAD4(p) vld1q_f32(p)
+#define HYI_LOAD4_ALIGNED(p) vld1q_f32(p)
+#define HYI_STORE4(p, a) vst1q_f32(p, a)
+#define HYI_SET4(value) vdupq_n_f32(value)
+#define HYI_ADD4(a, b) vaddq_f32(a, b)
+#define HYI_SUB4(a, b) vsubq_f32(a, b)
+#define HYI_MUL4(a, b) vmulq_f32(a, b)
+#define HYI_DIV4(a, b) vdivq_f32(a, b)
+#define HYI_MAD4(a, b, c) vfmaq_f32(c, a, b)
+#define HYI_MIN4(a, b) vminq_f32(a, b)
+#define HYI_MAX4(a, b) vmaxq_f32(a, b)
+#define HYI_LT4(a, b) vcltq_f32(a, b)
+#define HYI_LE4(a, b) vcleq_f32(a, b)
+#define HYI_AND4(a, b) vandq_u32(a, b)
+#define HYI_OR4(a, b) vorrq_u32(a, b)
+#define HYI_CHOOSE4(m, a, b) vbslq_f32(m, a, b)
+#define HYI_BITS4_4(low, high) hyi_bits4_4_neon(low, high)
+#define HYI_PIN4(a) hyi_pin4_neon(a)
+#define HYI_GREATEST4(a) vmaxvq_f32(a)
+#define HYI_LEAST4(a) vminvq_f32(a)
+#define HYI_MOVE4(to, from, places) hyi_move4_neon(to, from, places)
+#define HYI_D2 float64x2_t
+#define HYI_SET2(value) vdupq_n_f64(value)
+#define HYI_STORE2(p, a) vst1q_f64(p, a)
+#define HYI_LOW_AS_DOUBLES(a) vcvt_f64_f32(vget_low_f32(a))
+#define HYI_HIGH_AS_DOUBLES(a) vcvt_high_f64_f32(a)
+#define HYI_AS_FLOATS(low, high) vcvt_high_f32_f64(vcvt_f32_f64(low), high)
+#define HYI_ADD2(a, b) vaddq_f64(a, b)
+#define HYI_SUB2(a, b) vsubq_f64(a, b)
+#define HYI_MUL2(a, b) vmulq_f64(a, b)
+#define HYI_DIV2(a, b) vdivq_f64(a, b)
+#define HYI_MIN2(a, b) vminq_f64(a, b)
+#define HYI_MAX2(a, b) vmaxq_f64(a, b)
+#define HYI_LT2(a, b) vcltq_f64(a, b)
+#define HYI_BITS2_2(low, high) hyi_bits2_2_neon(low, high)
+#define HYI_PIN2(a) hyi_pin2_neon(a)
+/* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
+   for four floats and two doubles) */
+
+typedef struct HYI_I(hyi_f8) {
+    HYI_F4 low, high;
+} HYI_I(hyi_f8);
+
+typedef struct HYI_I(hyi_m8) {
+    HYI_M4 low, high;
+} HYI_I(hyi_m8);
+
+typedef struct HYI_I(hyi_d4) {
+    HYI_D2 low, high;
+} HYI_I(hyi_d4);
+
+#define HYI_PAIR(name, result, type, word)                                                        \
+    HYI_INLINE HYI_TARGET HYI_I(hyi_##result) HYI_I(hyi_##name)(HYI_I(hyi_##type) a, HYI_I(hyi_##type) b) { \
+        HYI_I(hyi_##result) r;                                                                    \
+        r.low = word(a.low, b.low);                                                               \
+        r.high = word(a.high, b.high);                                                            \
+        return r;                                                                                 \
+    }
+HYI_PAIR(add8, f8, f8, HYI_ADD4)
+HYI_PAIR(sub8, f8, f8, HYI_SUB4)
+HYI_PAIR(mul8, f8, f8, HYI_MUL4)
+HYI_PAIR(div8, f8, f8, HYI_DIV4)
+HYI_PAIR(min8, f8, f8, HYI_MIN4)
+HYI_PAIR(max8, f8, f8, HYI_MAX4)
+HYI_PAIR(lt8, m8, f8, HYI_LT4)
+HYI_PAIR(le8, m8, f8, HYI_LE4)
+HYI_PAIR(and8, m8, m8, HYI_AND4)
+HYI_PAIR(or8, m8, m8, HYI_OR4)
+HYI_PAIR(add_doubles, d4, d4, HYI_ADD2)
+HYI_PAIR(sub_doubles, d4, d4, HYI_SUB2)
+HYI_PAIR(mul_doubles, d4, d4, HYI_MUL2)
+HYI_PAIR(div_doubles, d4, d4, HYI_DIV2)
+HYI_PAIR(min_doubles, d4, d4, HYI_MIN2)
+HYI_PAIR(max_doubles, d4, d4, HYI_MAX2)
+#undef HYI_PAIR
+
+/* ---- floats */
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_set8)(float value) {
+    HYI_I(hyi_f8) r;
+    r.low = r.high = HYI_SET4(value);
+    return r;
 }
 
-/* Corners in the sheared frame, four at once. */
-typedef struct hyi_corner4 {
-    float32x4_t x, y, z;
-} hyi_corner4;
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_load8)(const float *p) {
+    HYI_I(hyi_f8) r;
+    r.low = HYI_LOAD4(p);
+    r.high = HYI_LOAD4(p + 4);
+    return r;
+}
 
-HYI_INLINE hyi_corner4 hyi_shear4(const hyi_aim *aim, const float *row, uint32_t stride) {
-    hyi_corner4 p;
-    p.z = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[2] * stride), vdupq_n_f32(aim->origin[2])));
-    float32x4_t dx = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[0] * stride), vdupq_n_f32(aim->origin[0])));
-    float32x4_t dy = hyi_rounded4(vsubq_f32(vld1q_f32(row + aim->axis[1] * stride), vdupq_n_f32(aim->origin[1])));
-    p.x = hyi_rounded4(vsubq_f32(dx, hyi_rounded4(vmulq_n_f32(p.z, aim->shear[0]))));
-    p.y = hyi_rounded4(vsubq_f32(dy, hyi_rounded4(vmulq_n_f32(p.z, aim->shear[1]))));
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_load_plane)(const float *p) {
+    HYI_I(hyi_f8) r;
+    r.low = HYI_LOAD4_ALIGNED(p);
+    r.high = HYI_LOAD4_ALIGNED(p + 4);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store8)(float *p, HYI_I(hyi_f8) a) {
+    HYI_STORE4(p, a.low);
+    HYI_STORE4(p + 4, a.high);
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_mad8)(HYI_I(hyi_f8) a, HYI_I(hyi_f8) b, HYI_I(hyi_f8) c) {
+    HYI_I(hyi_f8) r;
+    r.low = HYI_MAD4(a.low, b.low, c.low);
+    r.high = HYI_MAD4(a.high, b.high, c.high);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_pin8)(HYI_I(hyi_f8) a) {
+    a.low = HYI_PIN4(a.low);
+    a.high = HYI_PIN4(a.high);
+    return a;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_min8_where)(HYI_I(hyi_f8) a, HYI_I(hyi_m8) m, HYI_I(hyi_f8) b) {
+    a.low = HYI_CHOOSE4(m.low, HYI_MIN4(a.low, b.low), a.low);
+    a.high = HYI_CHOOSE4(m.high, HYI_MIN4(a.high, b.high), a.high);
+    return a;
+}
+
+/* ---- doubles: four, in one half of a packet */
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_set_doubles)(double value) {
+    HYI_I(hyi_d4) r;
+    r.low = r.high = HYI_SET2(value);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_half_as_doubles)(HYI_I(hyi_f8) a, int half) {
+    HYI_F4 four = half ? a.high : a.low;
+    HYI_I(hyi_d4) r;
+    r.low = HYI_LOW_AS_DOUBLES(four);
+    r.high = HYI_HIGH_AS_DOUBLES(four);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_doubles)(double *p, HYI_I(hyi_d4) a) {
+    HYI_STORE2(p, a.low);
+    HYI_STORE2(p + 2, a.high);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_half)(float *p, int half, HYI_I(hyi_d4) a) {
+    HYI_STORE4(p + 4 * half, HYI_AS_FLOATS(a.low, a.high));
+}
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_lt_doubles)(HYI_I(hyi_d4) a, HYI_I(hyi_d4) b) {
+    return HYI_BITS2_2(HYI_LT2(a.low, b.low), HYI_LT2(a.high, b.high));
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
+    a.low = HYI_PIN2(a.low);
+    a.high = HYI_PIN2(a.high);
+    return a;
+}
+
+/* ---- lists */
+
+/* Bit r of byte c from bit c of byte r: a matrix of bits is transposed in blocks of 1, 2 and 4 (Warren 2012, "Hacker's
+   Delight", 7-3). */
+HYI_INLINE uint64_t HYI_I(hyi_transpose_bits)(uint64_t rows) {
+    uint64_t change = (rows ^ rows >> 7) & 0x00aa00aa00aa00aaull;
+    rows ^= change ^ change << 7;
+    change = (rows ^ rows >> 14) & 0x0000cccc0000ccccull;
+    rows ^= change ^ change << 14;
+    change = (rows ^ rows >> 28) & 0x00000000f0f0f0f0ull;
+    return rows ^ change ^ change << 28;
+}
+
+/* Appends eight items to the lists of the children that their masks name. Of each four those whose bit is set are moved
+   to the front by a permutation of bytes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
+#define HYI_WORD(lane) 4 * (lane), 4 * (lane) + 1, 4 * (lane) + 2, 4 * (lane) + 3
+#define HYI_WORDS(a, b, c, d) {HYI_WORD(a), HYI_WORD(b), HYI_WORD(c), HYI_WORD(d)}
+    static const uint8_t front[16][16] = {
+        HYI_WORDS(0, 0, 0, 0), HYI_WORDS(0, 0, 0, 0), HYI_WORDS(1, 0, 0, 0), HYI_WORDS(0, 1, 0, 0),
+        HYI_WORDS(2, 0, 0, 0), HYI_WORDS(0, 2, 0, 0), HYI_WORDS(1, 2, 0, 0), HYI_WORDS(0, 1, 2, 0),
+        HYI_WORDS(3, 0, 0, 0), HYI_WORDS(0, 3, 0, 0), HYI_WORDS(1, 3, 0, 0), HYI_WORDS(0, 1, 3, 0),
+        HYI_WORDS(2, 3, 0, 0), HYI_WORDS(0, 2, 3, 0), HYI_WORDS(1, 2, 3, 0), HYI_WORDS(0, 1, 2, 3)};
+#undef HYI_WORDS
+#undef HYI_WORD
+    const uint64_t counts = 0x4332322132212110ull; /* four bits each: how many bits are set in 0 .. 15 */
+    uint64_t takes = HYI_I(hyi_transpose_bits)(masks->all);
+    for (uint32_t c = 0; c < 8u; c++, takes >>= 8) {
+        uint32_t low = (uint32_t)takes & 15u, high = (uint32_t)(takes >> 4) & 15u;
+        uint32_t *list = lists + (size_t)c * stride + dealt[c], some = (uint32_t)(counts >> 4u * low) & 7u;
+        HYI_MOVE4(list, items, front[low]);
+        HYI_MOVE4(list + some, items + 4, front[high]);
+        dealt[c] += some + ((uint32_t)(counts >> 4u * high) & 7u);
+    }
+}
+
+#define HYI_F8 HYI_I(hyi_f8)
+#define HYI_M8 HYI_I(hyi_m8)
+#define HYI_LOAD8(p) HYI_I(hyi_load_plane)(p)
+#define HYI_LOADU8(p) HYI_I(hyi_load8)(p)
+#define HYI_STORE8(p, a) HYI_I(hyi_store8)(p, a)
+#define HYI_SET8(value) HYI_I(hyi_set8)(value)
+#define HYI_ZERO8() HYI_I(hyi_set8)(0.0f)
+#define HYI_SUB8(a, b) HYI_I(hyi_sub8)(a, b)
+#define HYI_MUL8(a, b) HYI_I(hyi_mul8)(a, b)
+#define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
+#define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
+#define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
+#define HYI_LT8(a, b) HYI_I(hyi_lt8)(a, b)
+#define HYI_LE8(a, b) HYI_I(hyi_le8)(a, b)
+#define HYI_AND8(a, b) HYI_I(hyi_and8)(a, b)
+#define HYI_OR8(a, b) HYI_I(hyi_or8)(a, b)
+#define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
+#define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
+#define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
+#define HYI_LANES 8u
+#define HYI_ALLW 0xffu
+#define HYI_FW HYI_F8
+#define HYI_MW HYI_M8
+#define HYI_LOADW(p) HYI_LOADU8(p)
+#define HYI_STOREW(p, a) HYI_STORE8(p, a)
+#define HYI_SETW(value) HYI_SET8(value)
+#define HYI_ZEROW() HYI_ZERO8()
+#define HYI_ADDW(a, b) HYI_I(hyi_add8)(a, b)
+#define HYI_SUBW(a, b) HYI_SUB8(a, b)
+#define HYI_MULW(a, b) HYI_MUL8(a, b)
+#define HYI_DIVW(a, b) HYI_I(hyi_div8)(a, b)
+#define HYI_MINW(a, b) HYI_MIN8(a, b)
+#define HYI_MAXW(a, b) HYI_MAX8(a, b)
+#define HYI_LTW(a, b) HYI_LT8(a, b)
+#define HYI_LEW(a, b) HYI_LE8(a, b)
+#define HYI_ANDW(a, b) HYI_AND8(a, b)
+#define HYI_ORW(a, b) HYI_OR8(a, b)
+#define HYI_BITSW(m) HYI_BITS8(m)
+#define HYI_PINW(a) HYI_PIN8(a)
+#define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
+#define HYI_LEASTW(a) HYI_LEAST4(HYI_MIN4((a).low, (a).high))
+#define HYI_DEAL 8u
+#define HYI_MASKS hyi_masks8
+#define HYI_CLEAR_MASKS(masks) ((masks).all = 0)
+#define HYI_FD HYI_I(hyi_d4)
+#define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
+#define HYI_HALFD(a, half) HYI_I(hyi_half_as_doubles)(a, half)
+#define HYI_STORED(p, a) HYI_I(hyi_store_doubles)(p, a)
+#define HYI_STOREH(p, half, a) HYI_I(hyi_store_half)(p, half, a)
+#define HYI_ADDD(a, b) HYI_I(hyi_add_doubles)(a, b)
+#define HYI_SUBD(a, b) HYI_I(hyi_sub_doubles)(a, b)
+#define HYI_MULD(a, b) HYI_I(hyi_mul_doubles)(a, b)
+#define HYI_DIVD(a, b) HYI_I(hyi_div_doubles)(a, b)
+#define HYI_MIND(a, b) HYI_I(hyi_min_doubles)(a, b)
+#define HYI_MAXD(a, b) HYI_I(hyi_max_doubles)(a, b)
+#define HYI_LTD(a, b) HYI_I(hyi_lt_doubles)(a, b)
+#define HYI_PIND(a) HYI_I(hyi_pin_doubles)(a)
+/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+
+   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
+
+
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+    HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
+    HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
+    HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
+    HYI_F8 nz = HYI_MAD8(near_planes[2], iz, HYI_SET8(aim->near_offset[2]));
+    HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
+    HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
+    HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+    return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+}
+
+/* Bits of the children that the ray meets, and where it enters them. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
+    HYI_F8 near_planes[3], far_planes[3], t;
+    for (int a = 0; a < 3; a++) {
+        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
+        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+    }
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    HYI_STORE8(enter, t);
+    return mask;
+}
+
+/* A corner in the sheared frame, eight triangles at once. */
+typedef struct HYI_I(hyi_corners) {
+    HYI_F8 x, y, z;
+} HYI_I(hyi_corners);
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+    HYI_I(hyi_corners) p;
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
     return p;
 }
 
 /* p.x q.y - p.y q.x */
-HYI_INLINE float32x4_t hyi_cross4(hyi_corner4 p, hyi_corner4 q) {
-    return vsubq_f32(hyi_rounded4(vmulq_f32(p.x, q.y)), hyi_rounded4(vmulq_f32(p.y, q.x)));
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_corners) q) {
+    return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-/* Lanes whose corners all lie beyond one of the limits: t of a hit is a mean of t at the corners. */
-HYI_INLINE uint32x4_t hyi_beyond4(const hyi_aim *aim, float32x4_t az, float32x4_t bz, float32x4_t cz) {
-    float32x4_t a = vmulq_n_f32(az, aim->inverse_z), b = vmulq_n_f32(bz, aim->inverse_z), c = vmulq_n_f32(cz, aim->inverse_z);
-    float32x4_t first = vminq_f32(vminq_f32(a, b), c), last = vmaxq_f32(vmaxq_f32(a, b), c);
-    return vorrq_u32(vcgtq_f32(first, vdupq_n_f32(aim->t_far)), vcltq_f32(last, vdupq_n_f32(aim->t_near)));
+/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
+   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
+    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
+    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
+    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
+    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
+    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
+    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
+    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
+    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
+    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
 }
 
-/* Four triangles from lane on: the rows are read lane floats further on. */
-HYI_INLINE uint32_t hyi_triangles4(const hyi_aim *aim, const float *rows, uint32_t count, uint32_t lane) {
-    rows += lane;
-    hyi_corner4 p = hyi_shear4(aim, rows, count), q = hyi_shear4(aim, rows + 3u * count, count), r = hyi_shear4(aim, rows + 6u * count, count);
-    float32x4_t a = hyi_cross4(r, q), b = hyi_cross4(p, r), c = hyi_cross4(q, p);
-    uint32x4_t below = vcltzq_f32(vminq_f32(vminq_f32(a, b), c));
-    uint32x4_t above = vcgtzq_f32(vmaxq_f32(vmaxq_f32(a, b), c));
-    uint32x4_t out = vorrq_u32(vandq_u32(below, above), hyi_beyond4(aim, p.z, q.z, r.z));
-    return (~hyi_mask4(out) & 15u) << lane;
+/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
+    bool found = false;
+    for (; mask; mask &= mask - 1u) {
+        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+        if (found && any) break;
+    }
+    return found;
 }
 
-HYI_INLINE uint32_t hyi_triangles_neon(const hyi_aim *aim, const float *rows, uint32_t count) {
-    uint32_t mask = hyi_triangles4(aim, rows, count, 0u);
-    if (count > 4u) mask |= hyi_triangles4(aim, rows, count, 4u);
-    return mask & ((1u << count) - 1u);
+/* One ray through a tree of triangles, from child at on. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
+    const hyi_node *nodes = site->bvh->nodes;
+    hyi_waiting stack[HYI_STACK], *top = stack;
+    for (;;) {
+        while (!hyi_child_is_leaf(at)) {
+            const hyi_node *node = &nodes[at];
+            float enter[8];
+            uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
+            at = HYI_CHILD_NONE;
+            if (!mask) break;
+            uint32_t first = hyi_lowest_bit(mask);
+            mask &= mask - 1u;
+            at = node->child[first];
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+        }
+        if (at != HYI_CHILD_NONE) {
+            if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
+        }
+        do {
+            if (top == stack) return;
+            top--;
+        } while (top->t > flight->aim.t_far);
+        at = top->child;
+    }
 }
 
-HYI_INLINE void hyi_step_node_neon(hyi_walk *walk) {
-    const hyi_node *node = &walk->bvh->nodes[walk->at];
-    float t[HYI_WIDTH];
-    uint32_t mask = hyi_boxes_neon(&walk->aim, node, t);
-    if (mask) hyi_walk_descend(walk, node->child, t, mask);
-    else hyi_walk_pop(walk);
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_closest)(const hyi_site *site, hyi_flight *flight, uint32_t at) {
+    HYI_I(hyi_walk_triangles)(site, flight, at, false);
 }
 
-HYI_NOINLINE void hyi_visit_node_neon(hyi_walk *walk) { hyi_step_node_neon(walk); }
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_any)(const hyi_site *site, hyi_flight *flight, uint32_t at) {
+    HYI_I(hyi_walk_triangles)(site, flight, at, true);
+}
 
-/* Visits the node or leaf that the walk stands at, and chooses the next. */
-HYI_INLINE void hyi_visit_neon(hyi_walk *walk, uint32_t flags) {
-    if (!hyi_child_is_leaf(walk->at)) {
-        hyi_step_node_neon(walk);
-    } else if ((flags & HYI_WALK_LEVELS) && walk->upper) {
-        hyi_walk_enter(walk);
+/* One ray through a tree of boxes; visit is called for each box met and says whether to stop. */
+HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_flight *flight, uint32_t at, hyi_box_visit visit, void *argument) {
+    hyi_waiting stack[HYI_STACK], *top = stack;
+    for (;;) {
+        if (hyi_child_is_leaf(at)) {
+            if (visit(argument, flight, bvh->ids[hyi_leaf_first(at)])) return;
+        } else {
+            float enter[8];
+            const hyi_node *node = &bvh->nodes[at];
+            uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
+            if (mask) {
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                top->child = nearest;
+                top++->t = -FLT_MAX;
+            }
+        }
+        do {
+            if (top == stack) return;
+            top--;
+        } while (top->t > flight->aim.t_far);
+        at = top->child;
+    }
+}
+
+/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
+    const hyi_visit_of *of = (const hyi_visit_of *)argument;
+    hyi_site site = hyi_site_of_item(of->accel, item);
+    hyi_flight below;
+    if (!hyi_flight_enter(&below, flight, &site)) return false;
+    if (of->any) HYI_I(hyi_walk_any)(&site, &below, site.bvh->root);
+    else HYI_I(hyi_walk_closest)(&site, &below, site.bvh->root);
+    return hyi_flight_return(flight, &below) && of->any;
+}
+
+/* One ray through the scene, or through what is left of it below a child of its first tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
+    hyi_visit_of of;
+    if (site->bvh->rows && any) {
+        HYI_I(hyi_walk_any)(site, flight, at);
+    } else if (site->bvh->rows) {
+        HYI_I(hyi_walk_closest)(site, flight, at);
     } else {
-        hyi_walk_leaf(walk, hyi_triangles_neon(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(walk->at)), flags);
+        of.accel = site->accel;
+        of.any = any;
+        HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
     }
 }
+/* ---- packets of alike rays (expanded once for each instruction set) */
 
-HYI_INLINE void hyi_run_neon(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count, uint32_t flags) {
-    hyi_walk walk;
+/* The planes of a node in the order in which the rays of a swarm meet them. */
+typedef struct HYI_I(hyi_planes) {
+    HYI_F8 near_planes[3], far_planes[3];
+} HYI_I(hyi_planes);
+
+/* Eight boxes against the bounds of a packet: no ray of it enters earlier than enter, or leaves later. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, const HYI_I(hyi_planes) *planes, HYI_F8 *enter) {
+    HYI_F8 first = HYI_SET8(p->first_t), last = HYI_SET8(p->last_t);
+    for (int a = 0; a < 3; a++) {
+        HYI_F8 low = HYI_SET8(p->inverse_low[a]), high = HYI_SET8(p->inverse_high[a]);
+        HYI_F8 to_near = HYI_SUB8(planes->near_planes[a], HYI_SET8(p->near_origin[a]));
+        HYI_F8 to_far = HYI_SUB8(planes->far_planes[a], HYI_SET8(p->far_origin[a]));
+        first = HYI_MAX8(first, HYI_MIN8(HYI_MUL8(to_near, low), HYI_MUL8(to_near, high)));
+        last = HYI_MIN8(last, HYI_MAX8(HYI_MUL8(to_far, low), HYI_MUL8(to_far, high)));
+    }
+    *enter = first;
+    return HYI_LE8(first, last);
+}
+
+/* Whether any ray of a packet meets the box of child c. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
+    HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
+    for (int k = 0; k < 3; k++) {
+        uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
+        float slack = (near_row & 1u) ? p->bound[a] : -p->bound[a];
+        HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
+        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row][c] + slack), origin), inverse));
+        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row ^ 1u][c] - slack), origin), inverse));
+    }
+    return HYI_BITSW(HYI_LEW(first, last)) != 0u;
+}
+
+/* ---- triangles */
+
+/* A corner in the sheared frames of the rays of a packet. */
+typedef struct HYI_I(hyi_corner_all) {
+    HYI_FW x, y, z;
+} HYI_I(hyi_corner_all);
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+    HYI_I(hyi_corner_all) c;
+    c.z = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[2] * stride]), HYI_LOADW(p->origin[2])));
+    HYI_FW dx = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[0] * stride]), HYI_LOADW(p->origin[0])));
+    HYI_FW dy = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[1] * stride]), HYI_LOADW(p->origin[1])));
+    c.x = HYI_PINW(HYI_SUBW(dx, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[0]), c.z))));
+    c.y = HYI_PINW(HYI_SUBW(dy, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[1]), c.z))));
+    return c;
+}
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I(hyi_corner_all) q) {
+    return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
+}
+
+/* Bits of the rays that need a closer look at one triangle: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
+    HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
+    HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
+    HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
+    HYI_MW above = HYI_LTW(HYI_ZEROW(), HYI_MAXW(HYI_MAXW(a, b), c));
+    HYI_FW scale = HYI_LOADW(packet->inverse_z);
+    HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
+    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
+    HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
+    return ~HYI_BITSW(HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early))) & HYI_ALLW;
+}
+
+/* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, HYI_FD qx, HYI_FD qy) {
+    return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
+}
+
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], const HYI_FD v[3]) {
+    HYI_FD first = HYI_PIND(HYI_MULD(HYI_SETD(n[0]), v[0])), second = HYI_PIND(HYI_MULD(HYI_SETD(n[1]), v[1]));
+    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(HYI_SETD(n[2]), v[2]))));
+}
+
+/* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
+                                                       const double n[3], int half, double t[8], double weights[3][8]) {
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
+    for (int i = 0; i < 3; i++) {
+        x[i] = HYI_HALFD(corners[i].x, half);
+        y[i] = HYI_HALFD(corners[i].y, half);
+        to_corner[i] = HYI_PIND(HYI_SUBD(HYI_SETD(corner[i]), HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
+        direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
+    }
+    HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
+    HYI_FD b = HYI_I(hyi_cross_exact_half)(x[0], y[0], x[2], y[2]);
+    HYI_FD c = HYI_I(hyi_cross_exact_half)(x[1], y[1], x[0], y[0]);
+    uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
+    HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
+    HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
+    HYI_STORED(t, HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_STORED(weights[0], b);
+    HYI_STORED(weights[1], c);
+    HYI_STORED(weights[2], sum);
+    return ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+}
+
+/* The plane of a triangle as hyi_plane_distance works it out: a corner and the normal. */
+HYI_INLINE void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, double corner[3], double n[3]) {
+    double e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        const float *row = rows + axis[i] * stride;
+        corner[i] = (double)row[0];
+        e[i] = hyi_rounded_double((double)row[3u * stride] - corner[i]);
+        f[i] = hyi_rounded_double((double)row[6u * stride] - corner[i]);
+    }
+    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+}
+
+/* Takes a confirmed hit of one ray if it is the best. */
+HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t primitive, float t, const double weights[3]) {
+    hyi_best best;
+    best.t = packet->best_t[lane];
+    best.instance = packet->instance[lane];
+    best.primitive = packet->primitive[lane];
+    if (!(t >= packet->t_min[lane]) || !hyi_beats(&best, t, swarm->site.instance, primitive)) return false;
+    if (swarm->site.asks_alpha) {
+        const hyk_ray *ray = swarm->rays ? &swarm->rays[packet->ray[lane]] : swarm->flights[packet->ray[lane]].ray;
+        double inverse = hyi_rounded_double(1.0 / weights[2]);
+        if (hyi_lets_pass(&swarm->site, ray, primitive, (float)(weights[0] * inverse), (float)(weights[1] * inverse))) return false;
+    }
+    packet->best_t[lane] = t;
+    packet->instance[lane] = swarm->site.instance;
+    packet->primitive[lane] = primitive;
+    for (int i = 0; i < 3; i++) packet->weights[i][lane] = weights[i];
+    packet->t_far[lane] = swarm->any ? -FLT_MAX : t + 4.0f * HYI_ULP * fabsf(t);
+    return true;
+}
+
+/* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                   const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
+    double corner[3], n[3];
+    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
+    bool found = false;
+    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
+    for (int half = 0; half < 2; half++) {
+        uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
+        double t[8], weights[3][8];
+        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, half, t, weights);
+        for (; some; some &= some - 1u) {
+            uint32_t lane = hyi_lowest_bit(some);
+            const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
+            if ((float)t[lane] <= packet->best_t[base + lane] && HYI_I(hyi_take_hit)(swarm, packet, base + lane, primitive, (float)t[lane], w)) found = true;
+        }
+    }
+    return found;
+}
+
+/* node, c: where the leaf hangs; NULL: nowhere. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
+                                                    const hyi_node *node, uint32_t c) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
-        hyi_walk_begin(&walk, accel, &rays[i]);
-        while (walk.at != HYI_WALK_ENDED) hyi_visit_neon(&walk, flags);
-        if (flags & HYI_WALK_ANY) occluded[i] = walk.best.instance != HYK_NONE;
-        else hyi_walk_answer(&walk, &hits[i]);
+        hyi_packet *packet = &swarm->packets[list[i]];
+        bool found = false;
+        if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
+        for (uint32_t t = 0; t < triangles; t++) {
+            HYI_I(hyi_corner_all) corners[3];
+            for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + t, triangles);
+            uint32_t mask = HYI_I(hyi_meet_triangle_all)(packet, corners);
+            if (mask && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, mask)) found = true;
+        }
+        if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
 }
 
-HYI_FN void hyi_trace_neon(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count, uint32_t flags) {
-    switch (flags) {
-#define HYI_CASE(set) case set: hyi_run_neon(accel, rays, hits, occluded, count, set); break;
-        HYI_CASE(0u) HYI_CASE(1u) HYI_CASE(2u) HYI_CASE(3u)
-        HYI_CASE(4u) HYI_CASE(5u) HYI_CASE(6u) HYI_CASE(7u)
-#undef HYI_CASE
+/* ---- making packets */
+
+/* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float low[3], high[3], extent = 0.0f, z = 0.0f;
+    uint32_t axis = packet->group >> 3;
+    for (int a = 0; a < 2; a++) {
+        HYI_FW shear = HYI_LOADW(packet->shear[a]);
+        if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
+    }
+    for (int a = 0; a < 3; a++) {
+        low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
+        high[a] = HYI_GREATESTW(HYI_LOADW(o[a]));
+        extent = box->upper[a] - box->lower[a] > extent ? box->upper[a] - box->lower[a] : extent;
+    }
+    float below = hyi_reach(box, low[axis], (int)axis, false), above = hyi_reach(box, high[axis], (int)axis, false);
+    z = below > above ? below : above;
+    for (int a = 0; a < 3; a++) {
+        if (!(high[a] - low[a] <= HYI_PACKET_ORIGINS * extent)) return false;
+        float from_low = hyi_reach(box, low[a], a, false), from_high = hyi_reach(box, high[a], a, false);
+        float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
+        float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
+        bool falls = (packet->group >> a & 1u) != 0u;
+        packet->bound[a] = bound;
+        packet->near_origin[a] = falls ? low[a] - bound : high[a] + bound;
+        packet->far_origin[a] = falls ? high[a] + bound : low[a] - bound;
+        HYI_STOREW(packet->inverse[a == (int)axis ? 2 : (a + 3 - (int)axis) % 3 - 1], HYI_LOADW(inverse[a]));
+        packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
+        packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
+    }
+    packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
+    packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    return true;
+}
+
+/* Whether |v| <= limit in all lanes; what is not a number is not. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_all_within)(const float *v, float limit) {
+    HYI_FW size = HYI_MAXW(HYI_LOADW(v), HYI_SUBW(HYI_ZEROW(), HYI_LOADW(v)));
+    return HYI_BITSW(HYI_LEW(size, HYI_SETW(limit))) == HYI_ALLW;
+}
+
+/* What directions have in common: see hyi_aim_group; false: they differ in that, or in size by far. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(float d[3][HYI_PACKET_WIDTH], uint32_t *group) {
+    HYI_FW zero = HYI_ZEROW(), size[3];
+    *group = 0;
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(d[a]);
+        uint32_t falls = HYI_BITSW(HYI_LTW(v, zero));
+        if ((falls != 0u && falls != HYI_ALLW) || !HYI_I(hyi_all_within)(d[a], 1073741824.0f)) return false;
+        *group |= (falls ? 1u : 0u) << a;
+        size[a] = HYI_MAXW(v, HYI_SUBW(zero, v));
+    }
+    uint32_t y = HYI_BITSW(HYI_LTW(size[0], size[1])), z = HYI_BITSW(HYI_LTW(HYI_MAXW(size[0], size[1]), size[2]));
+    if ((z != 0u && z != HYI_ALLW) || (z == 0u && y != 0u && y != HYI_ALLW)) return false;
+    HYI_FW largest = HYI_MAXW(HYI_MAXW(size[0], size[1]), size[2]);
+    *group |= (z ? 2u : y ? 1u : 0u) << 3;
+    return HYI_LEASTW(largest) >= 9.31322574615478515625e-10f;
+}
+
+/* hyi_aim_shear for all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
+    for (int half = 0; half < 2; half++) {
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_STOREH(packet->inverse_z, half, t_by_z);
     }
 }
+
+/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
+    float o[3][HYI_PACKET_WIDTH], d[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], scale = swarm->site.bvh->scale;
+    hyi_swarm order;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyk_ray ray = hyi_load_ray(&swarm->rays[first + i]);
+        o[0][i] = ray.origin.x * scale;
+        o[1][i] = ray.origin.y * scale;
+        o[2][i] = ray.origin.z * scale;
+        d[0][i] = ray.direction.x * scale;
+        d[1][i] = ray.direction.y * scale;
+        d[2][i] = ray.direction.z * scale;
+        packet->t_min[i] = ray.t_min;
+        packet->best_t[i] = ray.t_max;
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+    }
+    if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
+    HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
+    bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
+    if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
+    hyi_set_group(&order, packet->group);
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(d[a]);
+        if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
+        v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
+        HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
+        HYI_STOREW(packet->origin[a], HYI_LOADW(o[order.axis[a]]));
+        HYI_STOREW(packet->direction[a], HYI_LOADW(d[order.axis[a]]));
+    }
+    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
+    HYI_STOREW(packet->best_t, limit);
+    HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
+    HYI_I(hyi_shear_packet)(packet);
+    packet->count = HYI_LANES;
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
+    for (uint32_t i = 0; i < packet->count; i++) {
+        bool found = packet->instance[i] != HYK_NONE;
+        if (occluded) {
+            occluded[packet->ray[i]] = found ? 1 : 0;
+            continue;
+        }
+        hyk_hit *hit = &hits[packet->ray[i]];
+        double inverse = found ? hyi_rounded_double(1.0 / packet->weights[2][i]) : 0.0;
+        hit->t = found ? packet->best_t[i] : -1.0f;
+        hit->u = found ? (float)(packet->weights[0][i] * inverse) : 0.0f;
+        hit->v = found ? (float)(packet->weights[1][i] * inverse) : 0.0f;
+        hit->instance = packet->instance[i];
+        hit->primitive = packet->primitive[i];
+        hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+    }
+}
+
+/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
+        const hyi_aim *aim = &flight->aim;
+        if (aim->unit != 1.0) return false;
+        for (int a = 0; a < 3; a++) {
+            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
+            packet->direction[a][i] = aim->direction[a];
+            inverse[a][i] = aim->inverse[a];
+        }
+        packet->shear[0][i] = aim->shear[0];
+        packet->shear[1][i] = aim->shear[1];
+        packet->inverse_z[i] = aim->inverse_z;
+        packet->t_min[i] = flight->t_min;
+        packet->t_near[i] = aim->t_near;
+        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
+        packet->best_t[i] = flight->best.t;
+        packet->instance[i] = flight->best.instance;
+        packet->primitive[i] = flight->best.primitive;
+        packet->weights[2][i] = 0.0;
+        packet->ray[i] = rays[i < count ? i : 0u];
+    }
+    packet->count = count;
+    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+/* Sum 0 stands for a hit that is not the packet's own. */
+HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    for (uint32_t i = 0; i < packet->count; i++) {
+        hyi_best *best = &swarm->flights[packet->ray[i]].best;
+        if (packet->weights[2][i] == 0.0) continue;
+        double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
+        best->t = packet->best_t[i];
+        best->u = (float)(packet->weights[0][i] * inverse);
+        best->v = (float)(packet->weights[1][i] * inverse);
+        best->instance = packet->instance[i];
+        best->primitive = packet->primitive[i];
+    }
+}
+/* ---- many rays (expanded once for each instruction set)
+
+   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+
+/* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                           uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
+    HYI_I(hyi_planes) planes;
+    HYI_F8 least = HYI_SET8(FLT_MAX);
+    for (int a = 0; a < 3; a++) {
+        planes.near_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a]]);
+        planes.far_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a] ^ 1u]);
+    }
+    for (uint32_t first = 0; first < count; first += HYI_DEAL) {
+        uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
+        HYI_MASKS masks;
+        HYI_CLEAR_MASKS(masks);
+        for (uint32_t i = 0; i < some; i++) {
+            HYI_F8 enter;
+            uint32_t item = list[first + i];
+            HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
+                                  : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
+            least = HYI_MIN8_WHERE(least, mask, enter);
+            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+        }
+        HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
+    }
+    HYI_STORE8(nearest, least);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+    const hyi_node *node = &swarm->site.bvh->nodes[at];
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
+    float nearest[HYI_WIDTH];
+    HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) mask |= (dealt[c] ? 1u : 0u) << c;
+    if (swarm->site.bvh->rows)
+        for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
+    uint32_t children = hyi_order_children(mask, nearest, order);
+    for (uint32_t i = 0; i < children; i++) {
+        uint32_t c = order[i];
+        if (packets && hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    HYI_I(hyi_list_node)(swarm, at, list, count, space, true);
+}
+
+/* ---- leaves */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        if (HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any) && swarm->any) hyi_flight_stop(flight);
+    }
+}
+
+/* ---- instances */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any);
+
+/* The rays of a list go through what a box of the tree over instances stands for. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
+    hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
+    uint32_t entered = 0, *from = space;
+    for (uint32_t i = 0; i < count; i++) {
+        if (swarm->flights[list[i]].aim.t_far == -FLT_MAX) continue;
+        if (hyi_flight_enter(&below[entered], &swarm->flights[list[i]], &site)) from[entered++] = list[i];
+    }
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
+    for (uint32_t i = 0; i < entered; i++) {
+        hyi_flight *above = &swarm->flights[from[i]];
+        if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
+    }
+}
+
+/* ---- the way down */
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        if (flight->aim.t_far == -FLT_MAX) continue;
+        HYI_I(hyi_walk_scene)(&swarm->site, flight, at, swarm->any);
+        if (swarm->any && flight->best.instance != HYK_NONE) hyi_flight_stop(flight);
+    }
+}
+
+/* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
+   one. Packets are only in trees of triangles, and their lists so short that the space always suffices. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+    size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
+    bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
+    if (packets) {
+        if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
+        else HYI_I(hyi_list_node_packets)(swarm, at, list, count, space);
+    } else if (leaf && swarm->site.bvh->rows) {
+        HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+    } else if (leaf && fits) {
+        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    } else if (fits && count >= HYI_LIST_LEAST) {
+        HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+    } else {
+        HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    }
+}
+
+/* ---- all rays of a slice */
+
+/* Sends count packets on their way, those of a group together. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, uint32_t *space) {
+    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
+    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)swarm->packets[i].group;
+    hyi_group(keys, count, order, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        if (first[g + 1] == first[g]) continue;
+        hyi_set_group(swarm, g);
+        HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room, true);
+    }
+}
+
+/* Packets of the alike among a group's flights; the others come to stand first in rays, and are counted. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays, uint32_t count, uint32_t *space) {
+    uint32_t made = 0, others = 0;
+    for (uint32_t first = 0; first < count; first += HYI_LANES) {
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        if (some > HYI_LANES / 2u && HYI_I(hyi_pack_flights)(swarm, &swarm->packets[made], rays + first, some)) made++;
+        else
+            for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
+    }
+    for (uint32_t i = 0; i < made; i++) space[i] = i;
+    if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
+    return others;
+}
+
+/* Sends the first count flights (deep: of those in instances) through the tree of site. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
+    hyi_swarm swarm;
+    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
+    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    swarm.site = *site;
+    swarm.stream = stream;
+    swarm.rays = NULL;
+    swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
+    swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
+    swarm.any = any;
+    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u)) {
+        for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm.flights[i].aim);
+    hyi_group(keys, count, order, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        uint32_t *rays = order + first[g], some = first[g + 1] - first[g];
+        hyi_set_group(&swarm, g);
+        if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
+        if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
+    }
+}
+
+/* Packets of those among count rays that are alike; numbers of the others go to others, and are counted. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
+                                                     uint8_t *occluded, uint32_t count, uint32_t *others) {
+    hyi_swarm swarm;
+    uint32_t made = 0, rest = 0;
+    swarm.site = *site;
+    swarm.stream = stream;
+    swarm.rays = rays;
+    swarm.flights = NULL;
+    swarm.packets = stream->packets;
+    swarm.any = occluded != NULL;
+    for (uint32_t first = 0; first < count; first += HYI_LANES) {
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) made++;
+        else
+            for (uint32_t i = 0; i < some; i++) others[rest++] = first + i;
+    }
+    if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
+    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
+    return rest;
+}
+/* The words of one instruction set end here. */
+#undef HYI_ADD2
+#undef HYI_ADD4
+#undef HYI_ADDD
+#undef HYI_ADDW
+#undef HYI_ALLW
+#undef HYI_AND4
+#undef HYI_AND8
+#undef HYI_ANDW
+#undef HYI_AS_FLOATS
+#undef HYI_BITS2_2
+#undef HYI_BITS4_4
+#undef HYI_BITS8
+#undef HYI_BITSW
+#undef HYI_CHOOSE4
+#undef HYI_CLEAR_MASKS
+#undef HYI_D2
+#undef HYI_DEAL
+#undef HYI_DIV2
+#undef HYI_DIV4
+#undef HYI_DIVD
+#undef HYI_DIVW
+#undef HYI_F4
+#undef HYI_F8
+#undef HYI_FD
+#undef HYI_FW
+#undef HYI_GREATEST4
+#undef HYI_GREATESTW
+#undef HYI_HALFD
+#undef HYI_HIGH_AS_DOUBLES
+#undef HYI_I
+#undef HYI_LANES
+#undef HYI_LE4
+#undef HYI_LE8
+#undef HYI_LEAST4
+#undef HYI_LEASTW
+#undef HYI_LEW
+#undef HYI_LOAD4
+#undef HYI_LOAD4_ALIGNED
+#undef HYI_LOAD8
+#undef HYI_LOADU8
+#undef HYI_LOADW
+#undef HYI_LOW_AS_DOUBLES
+#undef HYI_LT2
+#undef HYI_LT4
+#undef HYI_LT8
+#undef HYI_LTD
+#undef HYI_LTW
+#undef HYI_M4
+#undef HYI_M8
+#undef HYI_MAD4
+#undef HYI_MAD8
+#undef HYI_MASKS
+#undef HYI_MAX2
+#undef HYI_MAX4
+#undef HYI_MAX8
+#undef HYI_MAXD
+#undef HYI_MAXW
+#undef HYI_MIN2
+#undef HYI_MIN4
+#undef HYI_MIN8
+#undef HYI_MIN8_WHERE
+#undef HYI_MIND
+#undef HYI_MINW
+#undef HYI_MOVE4
+#undef HYI_MUL2
+#undef HYI_MUL4
+#undef HYI_MUL8
+#undef HYI_MULD
+#undef HYI_MULW
+#undef HYI_MW
+#undef HYI_OR4
+#undef HYI_OR8
+#undef HYI_ORW
+#undef HYI_PIN2
+#undef HYI_PIN4
+#undef HYI_PIN8
+#undef HYI_PIND
+#undef HYI_PINW
+#undef HYI_SET2
+#undef HYI_SET4
+#undef HYI_SET8
+#undef HYI_SETD
+#undef HYI_SETW
+#undef HYI_STORE2
+#undef HYI_STORE4
+#undef HYI_STORE8
+#undef HYI_STORED
+#undef HYI_STOREH
+#undef HYI_STOREW
+#undef HYI_SUB2
+#undef HYI_SUB4
+#undef HYI_SUB8
+#undef HYI_SUBD
+#undef HYI_SUBW
+#undef HYI_TARGET
+#undef HYI_ZERO8
+#undef HYI_ZEROW
 
 #endif /* HYI_NEON */
 #endif /* HYI_BVH_NEON_H */
-
-/* >>bvh-scalar: boxes and triangles one at a time, on any machine */
-#ifndef HYI_BVH_SCALAR_H
-#define HYI_BVH_SCALAR_H
-
-/* Bits of the children that the ray meets, and where it enters them. */
-HYI_INLINE uint32_t hyi_boxes_scalar(const hyi_aim *aim, const hyi_node *node, float *t) {
-    uint32_t mask = 0;
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        float near_t = aim->t_near, far_t = aim->t_far;
-        for (int a = 0; a < 3; a++) {
-            float enter = (node->planes[aim->near_plane[a]][c] - aim->near_origin[a]) * aim->inverse[a];
-            float leave = (node->planes[aim->near_plane[a] ^ 1u][c] - aim->far_origin[a]) * aim->inverse[a];
-            near_t = enter > near_t ? enter : near_t;
-            far_t = leave < far_t ? leave : far_t;
-        }
-        t[c] = near_t;
-        mask |= (near_t <= far_t ? 1u : 0u) << c;
-    }
-    return mask;
-}
-
-/* One edge function, as the vector units compute it. */
-HYI_INLINE float hyi_cross_float(float p, float q, float r, float s) { return hyi_rounded(p * q) - hyi_rounded(r * s); }
-
-/* Bits of the triangles whose edge functions do not differ in sign. */
-HYI_INLINE uint32_t hyi_triangles_scalar(const hyi_aim *aim, const float *rows, uint32_t count) {
-    uint32_t mask = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        float ax, ay, bx, by, cx, cy;
-        hyi_shear_corner(aim, rows + i, count, &ax, &ay);
-        hyi_shear_corner(aim, rows + 3u * count + i, count, &bx, &by);
-        hyi_shear_corner(aim, rows + 6u * count + i, count, &cx, &cy);
-        float a = hyi_cross_float(cx, by, cy, bx), b = hyi_cross_float(ax, cy, ay, cx), c = hyi_cross_float(bx, ay, by, ax);
-        bool below = a < 0.0f || b < 0.0f || c < 0.0f, above = a > 0.0f || b > 0.0f || c > 0.0f;
-        mask |= (below && above ? 0u : 1u) << i;
-    }
-    return mask;
-}
-
-HYI_INLINE void hyi_step_node_scalar(hyi_walk *walk) {
-    const hyi_node *node = &walk->bvh->nodes[walk->at];
-    float t[HYI_WIDTH];
-    uint32_t mask = hyi_boxes_scalar(&walk->aim, node, t);
-    if (mask) hyi_walk_descend(walk, node->child, t, mask);
-    else hyi_walk_pop(walk);
-}
-
-HYI_NOINLINE void hyi_visit_node_scalar(hyi_walk *walk) { hyi_step_node_scalar(walk); }
-
-/* Visits the node or leaf that the walk stands at, and chooses the next. */
-HYI_INLINE void hyi_visit_scalar(hyi_walk *walk, uint32_t flags) {
-    if (!hyi_child_is_leaf(walk->at)) {
-        hyi_step_node_scalar(walk);
-    } else if ((flags & HYI_WALK_LEVELS) && walk->upper) {
-        hyi_walk_enter(walk);
-    } else {
-        hyi_walk_leaf(walk, hyi_triangles_scalar(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(walk->at)), flags);
-    }
-}
-
-HYI_INLINE void hyi_run_scalar(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count, uint32_t flags) {
-    hyi_walk walk;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_walk_begin(&walk, accel, &rays[i]);
-        while (walk.at != HYI_WALK_ENDED) hyi_visit_scalar(&walk, flags);
-        if (flags & HYI_WALK_ANY) occluded[i] = walk.best.instance != HYK_NONE;
-        else hyi_walk_answer(&walk, &hits[i]);
-    }
-}
-
-HYI_FN void hyi_trace_scalar(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count, uint32_t flags) {
-    switch (flags) {
-#define HYI_CASE(set) case set: hyi_run_scalar(accel, rays, hits, occluded, count, set); break;
-        HYI_CASE(0u) HYI_CASE(1u) HYI_CASE(2u) HYI_CASE(3u)
-        HYI_CASE(4u) HYI_CASE(5u) HYI_CASE(6u) HYI_CASE(7u)
-#undef HYI_CASE
-    }
-}
-
-#endif /* HYI_BVH_SCALAR_H */
 
 /* >>bvh-build-collapse: from the binary tree to eight-wide nodes and rows of triangles
 
@@ -6845,8 +10975,9 @@ HYI_FN hydra_result hyi_build_run(hyi_build *build) {
 /* positions: x, y, z tightly packed and finite; indices: three a triangle, in range. The tree depends on
    these alone, not on threads. Degenerate triangles are dropped and counted. */
 HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
-                                            uint32_t triangle_count, hyi_bvh *bvh) {
+                                            uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {
     hyi_build build;
+    (void)quality;
     memset(&build, 0, sizeof build);
     build.context = context;
     build.positions = positions;
@@ -6875,110 +11006,286 @@ HYI_FN hydra_result hyi_bvh_build_boxes(hydra_context *context, const hyi_box *b
 #ifndef HYI_BVH_TRACE_H
 #define HYI_BVH_TRACE_H
 
-HYI_INLINE uint32_t hyi_walk_flags(const hyi_accel *accel) {
-    return (accel->mesh_has_alpha ? HYI_WALK_ALPHA : 0u) | (accel->single ? 0u : HYI_WALK_LEVELS);
-}
+/* ---- by instruction set */
 
-HYI_FN void hyi_trace_dispatch(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count, uint32_t flags) {
-    switch (accel->isa) {
 #if HYI_X86
-    case HYDRA_ISA_AVX2: hyi_trace_avx2(accel, rays, hits, occluded, count, flags); return;
+#define HYI_VECTOR_CASES(name, arguments)                  \
+    case HYDRA_ISA_AVX512: name##_avx512 arguments; break; \
+    case HYDRA_ISA_AVX2: name##_avx2 arguments; break;     \
+    case HYDRA_ISA_SSE42: name##_sse42 arguments; break;
+#elif HYI_NEON
+#define HYI_VECTOR_CASES(name, arguments) \
+    case HYDRA_ISA_NEON: name##_neon arguments; break;
+#else
+#define HYI_VECTOR_CASES(name, arguments)
 #endif
-#if HYI_NEON
-    case HYDRA_ISA_NEON: hyi_trace_neon(accel, rays, hits, occluded, count, flags); return;
-#endif
-    default: hyi_trace_scalar(accel, rays, hits, occluded, count, flags); return;
+
+/* Calls name for an instruction set; for one that has vectors. */
+#define HYI_DISPATCH(isa, name, arguments)        \
+    switch (isa) {                                \
+        HYI_VECTOR_CASES(name, arguments)         \
+    default: name##_scalar arguments; break;      \
     }
+#define HYI_DISPATCH_VECTOR(isa, name, arguments) \
+    switch (isa) {                                \
+        HYI_VECTOR_CASES(name, arguments)         \
+    default: break;                               \
+    }
+
+/* ---- memory for streams */
+
+#define HYI_STREAM_LISTS 40u /* words a ray: eight lists of all at the root, fewer at each level below */
+
+/* Rays a packet. */
+HYI_INLINE uint32_t hyi_isa_lanes(hydra_isa isa) { return isa == HYDRA_ISA_AVX512 ? 16u : 8u; }
+
+/* Sizes for calls of about count rays; capacity 0: none are needed. */
+HYI_INLINE hyi_ray_stream hyi_plan_ray_stream(const hyi_accel *accel, size_t count) {
+    hyi_ray_stream stream;
+    uint32_t sorted = count < HYI_STREAM_SORTED ? (uint32_t)count : HYI_STREAM_SORTED;
+    memset(&stream, 0, sizeof stream);
+    if (accel->isa == HYDRA_ISA_SCALAR || accel->empty || count < HYI_STREAM_LEAST) return stream;
+    stream.levels = accel->single ? 1u : 2u;
+    stream.capacity = count < HYI_STREAM_RAYS ? ((uint32_t)count + 15u) & ~15u : HYI_STREAM_RAYS;
+    stream.packet_share = stream.capacity / hyi_isa_lanes(accel->isa) + HYI_RAY_GROUPS;
+    stream.sorted = sorted;
+    stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + sorted / 4u;
+    return stream;
 }
 
-/* Closest hits of count rays on triangles: instance HYK_NONE and t -1 on a miss. Ties: smallest instance,
-   then primitive. Light shapes are not looked at. */
-HYI_FN void hyi_trace_closest(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint32_t count) {
-    if (!accel->empty) {
-        hyi_trace_dispatch(accel, rays, hits, NULL, count, hyi_walk_flags(accel));
-        return;
-    }
+HYI_INLINE size_t hyi_ray_stream_bytes(const hyi_ray_stream *stream) {
+    if (stream->capacity == 0) return 0;
+    return stream->levels * (stream->capacity * sizeof *stream->flights + stream->packet_share * sizeof *stream->packets) +
+           (2u * (size_t)stream->sorted + stream->list_count) * sizeof(uint32_t);
+}
+
+HYI_FN void hyi_ray_stream_free(hydra_context *context, hyi_ray_stream *stream) {
+    hyi_free_bytes(context, stream->packets, hyi_ray_stream_bytes(stream));
+    memset(stream, 0, sizeof *stream);
+}
+
+/* One block. On failure the capacity is 0, and the stream good for rays one by one; nothing is said in the context's text. */
+HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel *accel, size_t count, hyi_ray_stream *stream) {
+    void *block;
+    *stream = hyi_plan_ray_stream(accel, count);
+    hydra_result result = hyi_try_alloc(context, hyi_ray_stream_bytes(stream), &block);
+    if (result != HYDRA_OK) memset(stream, 0, sizeof *stream);
+    if (stream->capacity == 0) return result;
+    stream->packets = (hyi_packet *)block;
+    stream->flights = (hyi_flight *)(void *)(stream->packets + stream->levels * stream->packet_share);
+    stream->lists = (uint32_t *)(void *)(stream->flights + stream->levels * stream->capacity);
+    stream->order = stream->lists + stream->list_count;
+    return HYDRA_OK;
+}
+
+/* ---- one by one */
+
+HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, hyk_hit *hit, uint8_t *occluded) {
+    if (occluded) *occluded = flight->best.instance != HYK_NONE;
+    else hyi_answer(accel, &flight->best, hit);
+}
+
+/* The tracing functions say whether all rays were sound. */
+HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
+    hyk_ray ray = hyi_load_ray(at);
+    return hyi_ray_is_sound(&ray);
+}
+
+HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    bool sound = true;
     for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (hyi_flight_begin(&flight, site.bvh, &rays[i], FLT_MAX)) {
+            HYI_DISPATCH(accel->isa, hyi_walk_scene, (&site, &flight, site.bvh->root, occluded != NULL))
+        } else {
+            sound = hyi_was_sound(&rays[i]) && sound;
+        }
+        hyi_tell(accel, &flight, hits ? &hits[i] : NULL, occluded ? &occluded[i] : NULL);
+    }
+    return sound;
+}
+
+/* ---- streams */
+
+#define HYI_STREAM_AHEAD 12u /* rays whose loads are asked for ahead */
+
+HYI_INLINE uint8_t hyi_direction_key(hyk_vec3 d) {
+    float x = fabsf(d.x), y = fabsf(d.y), z = fabsf(d.z);
+    uint32_t axis = z > x && z > y ? 2u : x >= y ? 0u : 1u;
+    return (uint8_t)((d.x < 0.0f ? 1u : 0u) | (d.y < 0.0f ? 2u : 0u) | (d.z < 0.0f ? 4u : 0u) | axis << 3);
+}
+
+/* count rays, at most capacity, by their numbers in order. */
+HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+                            const uint32_t *order, uint32_t count) {
+    uint32_t flying = 0;
+    bool sound = true;
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &stream->flights[flying];
+        uint32_t k = order[i];
+        if (i + HYI_STREAM_AHEAD < count) hyi_prefetch(&rays[order[i + HYI_STREAM_AHEAD]]);
+        if (hyi_flight_begin(flight, site->bvh, &rays[k], FLT_MAX)) {
+            flying++;
+        } else {
+            sound = hyi_was_sound(&rays[k]) && sound;
+            hyi_tell(site->accel, flight, hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
+        }
+    }
+    HYI_DISPATCH_VECTOR(site->accel->isa, hyi_run_flights, (site, stream, flying, stream->lists, false, occluded != NULL))
+    for (uint32_t i = 0; i < flying; i++) {
+        const hyi_flight *flight = &stream->flights[i];
+        size_t k = (size_t)(flight->ray - rays);
+        hyi_tell(site->accel, flight, hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
+    }
+    return sound;
+}
+
+/* Rays by their numbers in others: sorted by direction, then a slice at a time. sorted: room for as many. */
+HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+                             const uint32_t *others, uint32_t *sorted, uint32_t count) {
+    uint32_t starts[HYI_RAY_GROUPS + 1];
+    uint8_t *keys = (uint8_t *)(void *)stream->lists;
+    bool sound = true;
+    for (uint32_t i = 0; i < count; i++) keys[i] = hyi_direction_key(hyi_load_ray(&rays[others[i]]).direction);
+    hyi_group(keys, count, sorted, starts);
+    for (uint32_t i = 0; i < count; i++) sorted[i] = others[sorted[i]];
+    for (uint32_t at = 0; at < count; at += stream->capacity) {
+        uint32_t slice = count - at < stream->capacity ? count - at : stream->capacity;
+        sound = hyi_trace_slice(site, stream, rays, hits, occluded, sorted + at, slice) && sound;
+    }
+    return sound;
+}
+
+/* Up to HYI_STREAM_SORTED rays: the alike go in packets, the rest is listed in others and counted. */
+HYI_FN uint32_t hyi_trace_alike(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+                                uint32_t count, uint32_t *others) {
+    uint32_t rest = 0;
+    for (uint32_t first = 0; first < count; first += stream->capacity) {
+        uint32_t some = count - first < stream->capacity ? count - first : stream->capacity, left = 0;
+        HYI_DISPATCH_VECTOR(site->accel->isa, left = hyi_run_alike_rays,
+                     (site, stream, rays + first, hits ? hits + first : NULL, occluded ? occluded + first : NULL, some, others + rest))
+        for (uint32_t i = 0; i < left; i++) others[rest + i] += first;
+        rest += left;
+    }
+    return rest;
+}
+
+HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    uint32_t room = stream->sorted, *others = stream->order, *sorted = others + room;
+    bool sound = true;
+    for (uint32_t first = 0, some; first < count; first += some) {
+        hyk_hit *at_hits = hits ? hits + first : NULL;
+        uint8_t *at_occluded = occluded ? occluded + first : NULL;
+        some = count - first < room ? count - first : room;
+        uint32_t rest = some;
+        if (site.bvh->rows) rest = hyi_trace_alike(&site, stream, rays + first, at_hits, at_occluded, some, others);
+        else
+            for (uint32_t i = 0; i < some; i++) others[i] = i;
+        sound = hyi_trace_others(&site, stream, rays + first, at_hits, at_occluded, others, sorted, rest) && sound;
+    }
+    return sound;
+}
+
+HYI_FN bool hyi_trace_all(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+    if (stream && stream->capacity && count >= HYI_STREAM_LEAST) return hyi_trace_stream(accel, stream, rays, hits, occluded, count);
+    return hyi_trace_singles(accel, rays, hits, occluded, count);
+}
+
+HYI_FN bool hyi_trace_nothing(const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+    bool sound = true;
+    for (uint32_t i = 0; i < count; i++) {
+        sound = hyi_was_sound(&rays[i]) && sound;
+        if (occluded) {
+            occluded[i] = 0;
+            continue;
+        }
         hits[i].t = -1.0f;
         hits[i].u = hits[i].v = 0.0f;
         hits[i].instance = hits[i].primitive = HYK_NONE;
     }
+    return sound;
+}
+
+/* Closest hits of count rays on triangles: instance HYK_NONE and t -1 on a miss. Ties: smallest instance,
+   then primitive. Light shapes are not looked at. stream: NULL or memory that no one else uses meanwhile.
+   Rays are read by hyi_load_ray alone: they may be the caller's hydra_ray. Those that are not sound meet
+   nothing; false: there were some. */
+HYI_FN bool hyi_trace_closest(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint32_t count) {
+    return accel->empty ? hyi_trace_nothing(rays, hits, NULL, count) : hyi_trace_all(accel, stream, rays, hits, NULL, count);
 }
 
 /* occluded[i] is set to 0 or 1. Light shapes are not looked at. */
-HYI_FN void hyi_trace_any(const hyi_accel *accel, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
-    if (accel->empty) memset(occluded, 0, count);
-    else hyi_trace_dispatch(accel, rays, NULL, occluded, count, hyi_walk_flags(accel) | HYI_WALK_ANY);
+HYI_FN bool hyi_trace_any(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
+    return accel->empty ? hyi_trace_nothing(rays, NULL, occluded, count) : hyi_trace_all(accel, stream, rays, NULL, occluded, count);
 }
 
 /* ---- light shapes: few, so one walk at a time does */
 
-HYI_FN void hyi_shapes_visit_node(hyi_walk *walk) {
-    switch (walk->accel->isa) {
-#if HYI_X86
-    case HYDRA_ISA_AVX2: hyi_visit_node_avx2(walk); return;
-#endif
-#if HYI_NEON
-    case HYDRA_ISA_NEON: hyi_visit_node_neon(walk); return;
-#endif
-    default: hyi_visit_node_scalar(walk); return;
-    }
+typedef struct hyi_shape_visit {
+    const hyi_accel *accel;
+    bool skip_hidden, any;
+} hyi_shape_visit;
+
+HYI_FN bool hyi_visit_shape(void *argument, hyi_flight *flight, uint32_t item) {
+    const hyi_shape_visit *visit = (const hyi_shape_visit *)argument;
+    uint32_t index = visit->accel->shape_lights[item];
+    const hyk_light *light = &visit->accel->view->lights[index];
+    if (visit->skip_hidden && (light->flags & HYK_LIGHT_HIDDEN)) return false;
+    float t = hyk_intersect_shape(*light, hyi_load_ray(flight->ray));
+    if (!(t >= flight->t_min && t <= flight->best.t && t >= 0.0f && hyi_beats(&flight->best, t, HYK_HIT_SHAPE, index))) return false;
+    flight->best.t = t;
+    flight->best.u = flight->best.v = 0.0f;
+    flight->best.instance = HYK_HIT_SHAPE;
+    flight->best.primitive = index;
+    hyi_aim_limit(&flight->aim, t);
+    return visit->any;
 }
 
-HYI_FN void hyi_shapes_visit_leaf(hyi_walk *walk, bool skip_hidden) {
-    uint32_t index = walk->accel->shape_lights[walk->bvh->ids[hyi_leaf_first(walk->at)]];
-    const hyk_light *light = &walk->accel->view->lights[index];
-    if (!(skip_hidden && (light->flags & HYK_LIGHT_HIDDEN))) {
-        float t = hyk_intersect_shape(*light, *walk->ray);
-        if (t >= walk->ray->t_min && t <= walk->best.t && t >= 0.0f && hyi_beats(&walk->best, t, HYK_HIT_SHAPE, index)) {
-            walk->best.t = t;
-            walk->best.u = walk->best.v = 0.0f;
-            walk->best.instance = HYK_HIT_SHAPE;
-            walk->best.primitive = index;
-            hyi_aim_limit(&walk->aim, t);
-        }
-    }
-    hyi_walk_pop(walk);
-}
-
-/* Whether a shape beats limit, the best that is known; the answer is then in walk->best. */
-HYI_FN bool hyi_shapes_walk(hyi_walk *walk, const hyi_accel *accel, const hyk_ray *ray, const hyi_best *limit, bool skip_hidden, bool any) {
-    hyi_walk_begin_tree(walk, accel, accel->shapes, ray, limit->t);
-    walk->best = *limit;
-    while (walk->at != HYI_WALK_ENDED) {
-        if (!hyi_child_is_leaf(walk->at)) hyi_shapes_visit_node(walk);
-        else hyi_shapes_visit_leaf(walk, skip_hidden);
-        if (any && walk->best.instance == HYK_HIT_SHAPE) hyi_walk_stop(walk);
-    }
-    return walk->best.instance == HYK_HIT_SHAPE;
+/* Whether a shape beats limit, the best that is known; the answer is then in flight->best. */
+HYI_FN bool hyi_meet_shapes(hyi_shape_visit *visit, hyi_flight *flight, const hyk_ray *ray, const hyi_best *limit) {
+    const hyi_bvh *shapes = visit->accel->shapes;
+    if (!hyi_flight_begin(flight, shapes, ray, limit->t)) return false;
+    flight->best = *limit;
+    HYI_DISPATCH(visit->accel->isa, hyi_walk_boxes, (shapes, flight, shapes->root, hyi_visit_shape, visit))
+    return flight->best.instance == HYK_HIT_SHAPE;
 }
 
 /* Replaces hits[i] where a light shape is nearer: instance HYK_HIT_SHAPE, primitive the light, u = v = 0.
    skip_hidden: lights flagged HYK_LIGHT_HIDDEN are not seen. */
 HYI_FN void hyi_trace_shapes_closest(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint32_t count, bool skip_hidden) {
-    hyi_walk walk;
+    hyi_shape_visit visit;
+    visit.accel = accel;
+    visit.skip_hidden = skip_hidden;
+    visit.any = false;
     if (!accel->shapes) return;
     for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
         hyi_best limit;
-        limit.t = hits[i].instance == HYK_NONE ? hyi_finite_limit(rays[i].t_max) : hits[i].t;
+        limit.t = hits[i].instance == HYK_NONE ? hyi_finite_limit(hyi_load_ray(&rays[i]).t_max) : hits[i].t;
         limit.u = hits[i].u;
         limit.v = hits[i].v;
         limit.instance = hits[i].instance;
         limit.primitive = hits[i].primitive;
-        if (hyi_shapes_walk(&walk, accel, &rays[i], &limit, skip_hidden, false)) hyi_walk_answer(&walk, &hits[i]);
+        if (hyi_meet_shapes(&visit, &flight, &rays[i], &limit)) hyi_answer(accel, &flight.best, &hits[i]);
     }
 }
 
 /* Sets occluded[i] to 1 where a shape lies on the ray; rays already occluded are skipped. */
 HYI_FN void hyi_trace_shapes_any(const hyi_accel *accel, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
-    hyi_walk walk;
+    hyi_shape_visit visit;
+    visit.accel = accel;
+    visit.skip_hidden = false;
+    visit.any = true;
     if (!accel->shapes) return;
     for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
         hyi_best limit;
-        limit.t = hyi_finite_limit(rays[i].t_max);
+        limit.t = hyi_finite_limit(hyi_load_ray(&rays[i]).t_max);
         limit.u = limit.v = 0.0f;
         limit.instance = limit.primitive = HYK_NONE;
-        if (!occluded[i] && hyi_shapes_walk(&walk, accel, &rays[i], &limit, false, true)) occluded[i] = 1;
+        if (!occluded[i] && hyi_meet_shapes(&visit, &flight, &rays[i], &limit)) occluded[i] = 1;
     }
 }
 
@@ -7000,6 +11307,7 @@ typedef struct hyi_mesh_slot {
     bool alive, instanced_only, dynamic;
     bool built;    /* bvh is there: instances and dynamic meshes have one of their own */
     bool in_world; /* part of the scene's world tree as it stands */
+    hydra_build build; /* FAST or BEST */
     uint32_t material; /* id; 0: the grey that needs no desc */
     uint32_t vertex_count, triangle_count;
     float *positions, *normals, *uvs;
@@ -7487,6 +11795,7 @@ HYI_FN hydra_result hyi_take_mesh_parts(hydra_scene *scene, const hydra_mesh_des
     if (desc->positions.count == 0 || desc->positions.count > 0xfffffff0u)
         return hyi_fail(context, HYDRA_ERROR_COUNT, "%zu positions", desc->positions.count);
     HYI_TRY(hyi_check_material_handle(scene, desc->material, "mesh.material"));
+    HYI_TRY(hyi_check_enum(context, (int)desc->build, HYDRA_BUILD_BEST + 1, "mesh.build"));
     HYI_TRY(hyi_copy_floats(context, desc->positions, 3, &mesh->positions, "positions"));
     mesh->vertex_count = (uint32_t)desc->positions.count;
     HYI_TRY(hyi_take_attribute(context, desc->normals, 3, mesh->vertex_count, &mesh->normals, "normals"));
@@ -7496,6 +11805,7 @@ HYI_FN hydra_result hyi_take_mesh_parts(hydra_scene *scene, const hydra_mesh_des
     mesh->material = desc->material.id;
     mesh->instanced_only = desc->instanced_only;
     mesh->dynamic = desc->dynamic;
+    mesh->build = desc->build != HYDRA_BUILD_AUTO ? desc->build : desc->dynamic ? HYDRA_BUILD_FAST : HYDRA_BUILD_BEST;
     mesh->alive = true;
     return HYDRA_OK;
 }
@@ -9157,6 +13467,13 @@ HYI_FN hydra_result hyi_commit_lights(hydra_scene *scene) {
 
 HYI_FN bool hyi_in_world(const hyi_mesh_slot *mesh) { return mesh->alive && !mesh->instanced_only && !mesh->dynamic; }
 
+/* FAST only if all its meshes are. */
+HYI_FN hydra_build hyi_world_build(const hydra_scene *scene) {
+    for (size_t i = 0; i < scene->mesh_count; i++)
+        if (hyi_in_world(&scene->meshes[i]) && scene->meshes[i].build != HYDRA_BUILD_FAST) return HYDRA_BUILD_BEST;
+    return HYDRA_BUILD_FAST;
+}
+
 /* Marks the meshes that need a tree of their own. */
 HYI_FN hydra_result hyi_mark_own_trees(hydra_scene *scene, uint8_t **marks) {
     HYI_TRY(hyi_alloc_array(scene->context, marks, scene->mesh_count));
@@ -9174,7 +13491,7 @@ HYI_FN hydra_result hyi_build_own_trees(hydra_scene *scene) {
     for (size_t i = 0; i < scene->mesh_count && result == HYDRA_OK; i++) {
         hyi_mesh_slot *mesh = &scene->meshes[i];
         if (!marks[i] || mesh->built) continue;
-        result = hyi_bvh_build_triangles(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, &mesh->bvh);
+        result = hyi_bvh_build_triangles(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, mesh->build, &mesh->bvh);
         mesh->built = result == HYDRA_OK;
         scene->info.meshes_built++;
     }
@@ -9209,7 +13526,7 @@ HYI_FN hydra_result hyi_build_joined_world(hydra_scene *scene, hyi_world_arrays 
     hydra_result result = hyi_alloc_array(context, &w->indices, 3 * w->triangles);
     if (result == HYDRA_OK) {
         hyi_fill_world(scene, w);
-        result = hyi_bvh_build_triangles(context, w->positions, w->indices, (uint32_t)w->triangles, &scene->world);
+        result = hyi_bvh_build_triangles(context, w->positions, w->indices, (uint32_t)w->triangles, hyi_world_build(scene), &scene->world);
     }
     hyi_free_array(context, &w->positions, 3 * w->vertices);
     hyi_free_array(context, &w->indices, 3 * w->triangles);
@@ -9238,7 +13555,7 @@ HYI_FN hydra_result hyi_build_world(hydra_scene *scene) {
         w.vertices += only->vertex_count;
         w.triangles += only->triangle_count;
     }
-    if (count == 1) HYI_TRY(hyi_bvh_build_triangles(scene->context, only->positions, only->indices, only->triangle_count, &scene->world));
+    if (count == 1) HYI_TRY(hyi_bvh_build_triangles(scene->context, only->positions, only->indices, only->triangle_count, hyi_world_build(scene), &scene->world));
     if (count > 1) HYI_TRY(hyi_build_joined_world(scene, &w));
     for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = hyi_in_world(&scene->meshes[i]);
     scene->world_stale = false;
@@ -9615,63 +13932,86 @@ HYDRA_API hydra_result hydra_scene_get_info(const hydra_scene *scene, hydra_scen
 #ifndef HYI_QUERIES_H
 #define HYI_QUERIES_H
 
-#define HYI_QUERY_BATCH 256
+#define HYI_QUERY_BATCH 256u /* rays a time without memory of the context's */
 
 HYI_STATIC_ASSERT(sizeof(hydra_ray) == sizeof(hyk_ray) && offsetof(hydra_ray, t_max) == offsetof(hyk_ray, t_max));
 
-HYI_FN bool hyi_ray_is_sound(const hydra_ray *ray) {
-    bool t_max_is_number = ray->t_max >= ray->t_min; /* infinity is allowed, NaN compares false */
-    return hyi_all_finite(ray->origin, 3) && hyi_all_finite(ray->direction, 3) && !hyi_all_zero(ray->direction, 3) && hyi_is_finite(ray->t_min) &&
-           t_max_is_number;
+/* ---- answers */
+
+HYI_FN void hyi_shape_hit(const hydra_scene *scene, const hyk_hit *hit, const hydra_ray *at, hydra_hit *out) {
+    hyk_vec3 origin = hyk_make3(at->origin[0], at->origin[1], at->origin[2]), direction = hyk_make3(at->direction[0], at->direction[1], at->direction[2]);
+    hyk_vec3 n = hyk_shape_normal(scene->view.lights[hit->primitive], hyk_add_scaled(origin, direction, hit->t));
+    out->primitive = HYDRA_NONE;
+    out->mesh = out->instance = 0;
+    out->light = scene->light_ids[hit->primitive];
+    out->normal[0] = n.x;
+    out->normal[1] = n.y;
+    out->normal[2] = n.z;
 }
 
-/* A batch of the caller's rays as kernels want them; an unsound ray becomes one that meets nothing. */
-HYI_FN bool hyi_take_rays(const hydra_ray *rays, hyk_ray *taken, uint32_t count) {
-    bool sound = true;
-    memcpy(taken, rays, count * sizeof *taken);
-    for (uint32_t i = 0; i < count; i++) {
-        if (!(taken[i].t_max < FLT_MAX)) taken[i].t_max = FLT_MAX;
-        if (hyi_ray_is_sound(&rays[i])) continue;
-        sound = false;
-        memset(&taken[i], 0, sizeof taken[i]);
-        taken[i].direction.z = 1.0f;
-        taken[i].t_min = FLT_MAX;
-        taken[i].t_max = -FLT_MAX;
+/* Squares of products of floats stay in double's range, so nothing has to be scaled. */
+HYI_INLINE void hyi_unit_normal(const float *a, const float *b, const float *c, float normal[3]) {
+    double e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        e[i] = (double)b[i] - (double)a[i];
+        f[i] = (double)c[i] - (double)a[i];
     }
-    return sound;
+    double x = e[1] * f[2] - e[2] * f[1], y = e[2] * f[0] - e[0] * f[2], z = e[0] * f[1] - e[1] * f[0];
+    double inverse = 1.0 / sqrt(x * x + y * y + z * z);
+    normal[0] = (float)(x * inverse);
+    normal[1] = (float)(y * inverse);
+    normal[2] = (float)(z * inverse);
 }
 
-HYI_FN hyk_vec3 hyi_hit_normal(const hydra_scene *scene, const hyk_hit *hit, const hyk_ray *ray) {
-    const hyk_scene_view *view = &scene->view;
-    if (hit->instance == HYK_HIT_SHAPE) return hyk_shape_normal(view->lights[hit->primitive], hyk_add_scaled(ray->origin, ray->direction, hit->t));
-    const hyk_instance *placed = &view->instances[hit->instance];
-    hyk_corners corners = hyk_load_corners(view, placed->mesh, *hit);
-    hyk_vec3 n = hyk_face_normal(corners.edge1, corners.edge2);
-    return (placed->flags & HYK_INSTANCE_IDENTITY) ? n : hyk_normalize(hyk_transform_normal(*placed, n));
+HYI_INLINE void hyi_surface_hit(const hydra_scene *scene, const hyk_hit *hit, hydra_hit *out) {
+    const hyk_instance *placed = &scene->placed[hit->instance];
+    const hyk_mesh_arrays *arrays = &scene->view_arrays[placed->mesh];
+    const uint32_t *index = arrays->indices + 3u * (size_t)hit->primitive;
+    hyi_unit_normal(arrays->positions + 3u * (size_t)index[0], arrays->positions + 3u * (size_t)index[1], arrays->positions + 3u * (size_t)index[2], out->normal);
+    out->primitive = hit->primitive;
+    out->mesh = placed->mesh + 1;
+    out->instance = scene->placed_ids[hit->instance];
+    out->light = 0;
+    if (placed->flags & HYK_INSTANCE_IDENTITY) return;
+    hyk_vec3 n = hyk_normalize(hyk_transform_normal(*placed, hyk_make3(out->normal[0], out->normal[1], out->normal[2])));
+    out->normal[0] = n.x;
+    out->normal[1] = n.y;
+    out->normal[2] = n.z;
 }
 
-HYI_FN hydra_hit hyi_public_hit(const hydra_scene *scene, const hyk_hit *hit, const hyk_ray *ray) {
-    hydra_hit out;
-    memset(&out, 0, sizeof out);
-    out.t = -1.0f;
-    out.primitive = HYDRA_NONE;
-    if (hit->instance == HYK_NONE) return out;
-    hyk_vec3 n = hyi_hit_normal(scene, hit, ray);
-    out.t = hit->t;
-    out.normal[0] = n.x;
-    out.normal[1] = n.y;
-    out.normal[2] = n.z;
+HYI_INLINE void hyi_public_hit(const hydra_scene *scene, const hyk_hit *hit, const hydra_ray *ray, hydra_hit *out) {
+    out->t = hit->t;
+    out->u = hit->u;
+    out->v = hit->v;
     if (hit->instance == HYK_HIT_SHAPE) {
-        out.light = scene->light_ids[hit->primitive];
-        return out;
+        hyi_shape_hit(scene, hit, ray, out);
+    } else if (hit->instance != HYK_NONE) {
+        hyi_surface_hit(scene, hit, out);
+    } else {
+        out->primitive = HYDRA_NONE;
+        out->mesh = out->instance = out->light = 0;
+        out->normal[0] = out->normal[1] = out->normal[2] = 0.0f;
     }
-    out.u = hit->u;
-    out.v = hit->v;
-    out.primitive = hit->primitive;
-    out.mesh = scene->placed[hit->instance].mesh + 1;
-    out.instance = scene->placed_ids[hit->instance];
-    return out;
 }
+
+/* Asks for the corners of a hit triangle, or first for the numbers of its corners. */
+HYI_INLINE void hyi_prefetch_hit(const hydra_scene *scene, const hyk_hit *hit, bool corners) {
+    if (hit->instance == HYK_NONE || hit->instance == HYK_HIT_SHAPE) return;
+    const hyk_mesh_arrays *arrays = &scene->view_arrays[scene->placed[hit->instance].mesh];
+    const uint32_t *index = arrays->indices + 3u * (size_t)hit->primitive;
+    if (!corners) hyi_prefetch(index);
+    for (int i = 0; corners && i < 3; i++) hyi_prefetch(arrays->positions + 3u * (size_t)index[i]);
+}
+
+HYI_FN void hyi_tell_hits(const hydra_scene *scene, const hyk_hit *found, const hydra_ray *rays, hydra_hit *hits, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 16u < count) hyi_prefetch_hit(scene, &found[i + 16u], false);
+        if (i + 8u < count) hyi_prefetch_hit(scene, &found[i + 8u], true);
+        hyi_public_hit(scene, &found[i], &rays[i], &hits[i]);
+    }
+}
+
+/* ---- the calls */
 
 /* These do not write the context's error text, since many threads may call them. */
 HYI_FN hydra_result hyi_check_query(const hydra_scene *scene, const void *rays, const void *answers, size_t count) {
@@ -9679,32 +14019,71 @@ HYI_FN hydra_result hyi_check_query(const hydra_scene *scene, const void *rays, 
     return scene->dirty ? HYDRA_ERROR_NOT_COMMITTED : HYDRA_OK;
 }
 
+/* One query: its memory, and how many rays it goes through at a time. */
+typedef struct hyi_query {
+    const hydra_scene *scene;
+    hyi_ray_stream stream;
+    hyk_hit *found;
+    size_t batch, found_count;
+} hyi_query;
+
+HYI_FN void hyi_query_end(hyi_query *query) {
+    hyi_ray_stream_free(query->scene->context, &query->stream);
+    hyi_free_array(query->scene->context, &query->found, query->found_count);
+}
+
+/* Without the memory for it, rays go one by one. */
+HYI_FN hyi_query hyi_query_begin(const hydra_scene *scene, size_t count, bool any) {
+    hyi_query query;
+    memset(&query, 0, sizeof query);
+    query.scene = scene;
+    query.batch = HYI_QUERY_BATCH;
+    if (count < HYI_STREAM_LEAST || hyi_ray_stream_alloc(scene->context, &scene->accel, count, &query.stream) != HYDRA_OK) return query;
+    query.batch = count < HYI_STREAM_SORTED ? count : HYI_STREAM_SORTED;
+    if (any || query.stream.capacity == 0) return query;
+    if (hyi_alloc_array(scene->context, &query.found, query.batch) == HYDRA_OK) query.found_count = query.batch;
+    else query.batch = HYI_QUERY_BATCH;
+    return query;
+}
+
+HYI_FN bool hyi_query_closest(hyi_query *query, const hydra_ray *rays, hydra_hit *hits, uint32_t count) {
+    const hydra_scene *scene = query->scene;
+    const hyk_ray *at = (const hyk_ray *)(const void *)rays;
+    hyk_hit here[HYI_QUERY_BATCH], *found = query->found ? query->found : here;
+    bool sound = hyi_trace_closest(&scene->accel, &query->stream, at, found, count);
+    if (scene->accel.shapes) hyi_trace_shapes_closest(&scene->accel, at, found, count, false);
+    hyi_tell_hits(scene, found, rays, hits, count);
+    return sound;
+}
+
+HYI_FN bool hyi_query_any(hyi_query *query, const hydra_ray *rays, uint8_t *occluded, uint32_t count) {
+    const hyk_ray *at = (const hyk_ray *)(const void *)rays;
+    bool sound = hyi_trace_any(&query->scene->accel, &query->stream, at, occluded, count);
+    if (query->scene->accel.shapes) hyi_trace_shapes_any(&query->scene->accel, at, occluded, count);
+    return sound;
+}
+
+/* hits, or else occluded. */
+HYI_FN hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
+    hyi_query query = hyi_query_begin(scene, count, hits == NULL);
+    bool sound = true;
+    for (size_t first = 0; first < count; first += query.batch) {
+        uint32_t n = count - first < query.batch ? (uint32_t)(count - first) : (uint32_t)query.batch;
+        if (hits) sound = hyi_query_closest(&query, rays + first, hits + first, n) && sound;
+        else sound = hyi_query_any(&query, rays + first, occluded + first, n) && sound;
+    }
+    hyi_query_end(&query);
+    return sound ? HYDRA_OK : HYDRA_ERROR_RAY;
+}
+
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, hits, count));
-    hyk_ray batch[HYI_QUERY_BATCH];
-    hyk_hit found[HYI_QUERY_BATCH];
-    bool sound = true;
-    for (size_t first = 0; first < count; first += HYI_QUERY_BATCH) {
-        uint32_t n = count - first < HYI_QUERY_BATCH ? (uint32_t)(count - first) : HYI_QUERY_BATCH;
-        sound = hyi_take_rays(rays + first, batch, n) && sound;
-        hyi_trace_closest(&scene->accel, batch, found, n);
-        if (scene->accel.shapes) hyi_trace_shapes_closest(&scene->accel, batch, found, n, false);
-        for (uint32_t i = 0; i < n; i++) hits[first + i] = hyi_public_hit(scene, &found[i], &batch[i]);
-    }
-    return sound ? HYDRA_OK : HYDRA_ERROR_RAY;
+    return hyi_query_all(scene, rays, hits, NULL, count);
 }
 
 HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydra_ray *rays, uint8_t *occluded, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, occluded, count));
-    hyk_ray batch[HYI_QUERY_BATCH];
-    bool sound = true;
-    for (size_t first = 0; first < count; first += HYI_QUERY_BATCH) {
-        uint32_t n = count - first < HYI_QUERY_BATCH ? (uint32_t)(count - first) : HYI_QUERY_BATCH;
-        sound = hyi_take_rays(rays + first, batch, n) && sound;
-        hyi_trace_any(&scene->accel, batch, occluded + first, n);
-        if (scene->accel.shapes) hyi_trace_shapes_any(&scene->accel, batch, occluded + first, n);
-    }
-    return sound ? HYDRA_OK : HYDRA_ERROR_RAY;
+    return hyi_query_all(scene, rays, NULL, occluded, count);
 }
 
 #endif /* HYI_QUERIES_H */
@@ -9786,6 +14165,7 @@ typedef struct hyi_batch {
     hyi_shadow *shadows;
     uint8_t *occluded;
     hyi_lane *lanes;
+    hyi_ray_stream stream;
     hyi_counters counters;
 } hyi_batch;
 
@@ -9800,9 +14180,10 @@ HYI_FN void hyi_batch_free(hydra_context *context, hyi_batch *batch) {
     hyi_free_array(context, &batch->shadows, batch->capacity);
     hyi_free_array(context, &batch->occluded, batch->capacity);
     hyi_free_array(context, &batch->lanes, batch->capacity);
+    hyi_ray_stream_free(context, &batch->stream);
 }
 
-HYI_FN hydra_result hyi_batch_alloc(hydra_context *context, uint32_t capacity, hyi_batch *batch) {
+HYI_FN hydra_result hyi_batch_alloc(hydra_context *context, const hyi_accel *accel, uint32_t capacity, hyi_batch *batch) {
     memset(batch, 0, sizeof *batch);
     batch->capacity = capacity;
     HYI_TRY(hyi_alloc_array(context, &batch->paths, capacity));
@@ -9811,7 +14192,10 @@ HYI_FN hydra_result hyi_batch_alloc(hydra_context *context, uint32_t capacity, h
     HYI_TRY(hyi_alloc_array(context, &batch->shadow_rays, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->shadows, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->occluded, capacity));
-    return hyi_alloc_array(context, &batch->lanes, capacity);
+    HYI_TRY(hyi_alloc_array(context, &batch->lanes, capacity));
+    hydra_result result = hyi_ray_stream_alloc(context, accel, capacity, &batch->stream);
+    if (result == HYDRA_OK) return result;
+    return hyi_fail(context, result, "ray streams for %u lanes", capacity);
 }
 
 /* ---- results */
@@ -9966,7 +14350,7 @@ HYI_FN void hyi_generate(const hyi_picture *picture, const hyi_chunk *chunk, hyi
 HYI_FN void hyi_shadow_pass(const hyi_picture *picture, hyi_batch *batch) {
     uint32_t count = batch->shadows_alive;
     if (!count) return;
-    hyi_trace_any(picture->accel, batch->shadow_rays, batch->occluded, count);
+    hyi_trace_any(picture->accel, &batch->stream, batch->shadow_rays, batch->occluded, count);
     if (picture->accel->shapes) hyi_trace_shapes_any(picture->accel, batch->shadow_rays, batch->occluded, count);
     for (uint32_t i = 0; i < count; i++) {
         if (batch->occluded[i]) continue;
@@ -9981,7 +14365,7 @@ HYI_FN void hyi_shadow_pass(const hyi_picture *picture, hyi_batch *batch) {
 }
 
 HYI_FN void hyi_intersect_pass(const hyi_picture *picture, hyi_batch *batch, bool from_sensor) {
-    hyi_trace_closest(picture->accel, batch->rays, batch->hits, batch->paths_alive);
+    hyi_trace_closest(picture->accel, &batch->stream, batch->rays, batch->hits, batch->paths_alive);
     if (picture->accel->shapes) hyi_trace_shapes_closest(picture->accel, batch->rays, batch->hits, batch->paths_alive, from_sensor);
 }
 
@@ -10847,8 +15231,10 @@ HYI_FN uint32_t hyi_wants_of(const hyi_film *film) {
 HYI_FN size_t hyi_schedule_bytes(const hyi_film *film, bool adaptive) {
     return 2 * hyi_film_tile_count(film) * sizeof(uint32_t) + (adaptive ? hyi_film_pixel_count(film) * sizeof(float) : 0);
 }
-HYI_FN size_t hyi_worker_bytes(const hyi_film *film) {
-    return (size_t)film->tile_pixels * HYI_CHUNK_SAMPLES * HYI_LANE_BYTES + sizeof(hyi_batch) + sizeof(double);
+HYI_FN size_t hyi_worker_bytes(const hyi_accel *accel, const hyi_film *film) {
+    size_t lanes = (size_t)film->tile_pixels * HYI_CHUNK_SAMPLES;
+    hyi_ray_stream stream = hyi_plan_ray_stream(accel, lanes);
+    return lanes * HYI_LANE_BYTES + hyi_ray_stream_bytes(&stream) + sizeof(hyi_batch) + sizeof(double);
 }
 
 /* ---- creation */
@@ -10889,7 +15275,7 @@ HYI_FN hydra_result hyi_workers_alloc(hydra_render *r) {
     r->workers = count;
     HYI_TRY(hyi_alloc_array(r->context, &r->accumulate, count));
     memset(r->accumulate, 0, count * sizeof *r->accumulate);
-    for (uint32_t i = 0; i < count; i++) HYI_TRY(hyi_batch_alloc(r->context, r->film.tile_pixels * HYI_CHUNK_SAMPLES, &r->batches[i]));
+    for (uint32_t i = 0; i < count; i++) HYI_TRY(hyi_batch_alloc(r->context, &r->scene->accel, r->film.tile_pixels * HYI_CHUNK_SAMPLES, &r->batches[i]));
     return HYDRA_OK;
 }
 
@@ -11331,7 +15717,7 @@ HYDRA_API hydra_status hydra_render_status(hydra_render *render) {
     }
     hyi_sum_counters(render, &status);
     status.bytes_film = hyi_film_bytes(&render->film) + hyi_schedule_bytes(&render->film, render->desc.target_error > 0.0f);
-    status.bytes_lanes = render->workers * hyi_worker_bytes(&render->film);
+    status.bytes_lanes = render->workers * hyi_worker_bytes(&render->scene->accel, &render->film);
     return status;
 }
 
@@ -11965,7 +16351,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
     hyi_plan_render(&resolved, &film);
     uint32_t features = scene->view.constants.features;
     estimate->bytes_film = hyi_film_bytes(&film) + hyi_schedule_bytes(&film, resolved.target_error > 0.0f);
-    estimate->bytes_lanes = scene->context->threads * hyi_worker_bytes(&film);
+    estimate->bytes_lanes = scene->context->threads * hyi_worker_bytes(&scene->accel, &film);
     estimate->bytes_sensor = hyi_sensor_bytes(resolved.sensor.kind, (uint64_t)resolved.width * resolved.height);
     estimate->bytes_total = sizeof(hydra_render) + estimate->bytes_film + estimate->bytes_lanes + estimate->bytes_sensor;
     estimate->passes = hyi_passes(features, &resolved);
@@ -12157,8 +16543,8 @@ HYI_FN hydra_result hyi_selftest_watertight(hyi_selftest *t) {
         rays[0].direction = hyk_make3(a[0], a[1], a[2]);
         rays[1].direction = hyk_scale(hyk_add(rays[0].direction, hyk_make3(b[0], b[1], b[2])), 0.5f);
         rays[0].t_max = rays[1].t_max = FLT_MAX;
-        hyi_trace_closest(&t->scene->accel, rays, hits, 2);
-        hyi_trace_closest(&scalar, rays, plain, 2);
+        hyi_trace_closest(&t->scene->accel, NULL, rays, hits, 2);
+        hyi_trace_closest(&scalar, NULL, rays, plain, 2);
         for (int k = 0; k < 2; k++) {
             if (hits[k].instance == HYK_NONE) return hyi_selftest_wrong(t, "a ray through an edge of the sphere: hits", 0.0, 1.0);
             if (memcmp(&hits[k], &plain[k], sizeof hits[k])) return hyi_selftest_wrong(t, "SIMD traversal: distance", (double)hits[k].t, (double)plain[k].t);

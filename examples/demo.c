@@ -229,7 +229,7 @@ static bool write_picture(hydra_render *render, const char *path) {
 /* ---------------------------------------------------------------- what it cost */
 
 static void print_costs(hydra_context *context, const hydra_scene *scene, hydra_render *render) {
-    static const char *const isa_names[] = {"automatic", "scalar", "AVX2", "NEON"};
+    static const char *const isa_names[] = {"automatic", "scalar", "SSE4.2", "AVX2", "AVX-512", "NEON"};
     hydra_status status = hydra_render_status(render);
     hydra_scene_info info = {0};
     hydra_scene_get_info(scene, &info);

@@ -179,7 +179,9 @@ typedef enum hydra_log_level { HYDRA_LOG_INFO, HYDRA_LOG_WARNING, HYDRA_LOG_ERRO
 typedef enum hydra_isa {
     HYDRA_ISA_AUTO,   /* the widest that machine and build have */
     HYDRA_ISA_SCALAR, /* plain C */
+    HYDRA_ISA_SSE42,
     HYDRA_ISA_AVX2,
+    HYDRA_ISA_AVX512, /* F, BW, DQ, VL */
     HYDRA_ISA_NEON
 } hydra_isa;
 
@@ -300,6 +302,13 @@ HYDRA_API hydra_result hydra_scene_update_material(hydra_scene *scene, hydra_mat
 
 /* --- meshes and instances */
 
+/* How much work a tree over triangles (BVH) is worth. Hits are the same with any. */
+typedef enum hydra_build {
+    HYDRA_BUILD_AUTO, /* BEST; FAST for dynamic meshes */
+    HYDRA_BUILD_FAST, /* built quickly: for geometry that changes often */
+    HYDRA_BUILD_BEST  /* takes longer, rays pass faster: for geometry that stays */
+} hydra_build;
+
 typedef struct hydra_mesh_desc {
     hydra_view positions;   /* float x, y, z */
     hydra_view normals;     /* float x, y, z, one a vertex; none: flat faces */
@@ -311,6 +320,7 @@ typedef struct hydra_mesh_desc {
     bool instanced_only;    /* not in the scene by itself, only through instances */
     bool dynamic;           /* will be edited: has a BVH of its own, so that an edit builds only that one again. The other
                                meshes that stand by themselves share one, which rays pass faster */
+    hydra_build build;      /* of its BVH; the shared one is FAST only if all its meshes say FAST */
 } hydra_mesh_desc;
 
 /* Degenerate triangles (no area, or two equal indices) are dropped from ray tracing and counted in

@@ -53,10 +53,10 @@ typedef struct tb_scene {
 static void tb_build_mesh(tb_scene *s, ht_mesh mesh) {
     uint32_t m = s->mesh_count++;
     s->mesh[m] = mesh;
-    assert_int_equal(hyi_bvh_build_triangles(&s->host.context, mesh.positions, mesh.indices, mesh.index_count / 3, &s->bvh[m]), HYDRA_OK);
+    assert_int_equal(hyi_bvh_build_triangles(&s->host.context, mesh.positions, mesh.indices, mesh.index_count / 3, HYDRA_BUILD_BEST, &s->bvh[m]), HYDRA_OK);
 }
 
-static hydra_isa tb_best_isa(void) { return hyi_has_avx2() ? HYDRA_ISA_AVX2 : HYDRA_ISA_SCALAR; }
+static hydra_isa tb_best_isa(void) { return hyi_best_isa(); }
 
 static void tb_begin(tb_scene *s) {
     memset(s, 0, sizeof *s);
@@ -126,33 +126,26 @@ static void tb_build_top(tb_scene *s) {
 
 /* ---- brute force: every triangle of every instance, no box looked at */
 
-static void tb_brute_leaf(hyi_walk *walk, uint32_t leaf) {
-    walk->at = leaf;
-    for (uint32_t i = 0; i < hyi_leaf_count(leaf); i++) (void)hyi_walk_offer(walk, i, 0);
+static void tb_brute_leaf(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+    for (uint32_t i = 0; i < hyi_leaf_count(leaf); i++) (void)hyi_offer(site, flight, leaf, i);
 }
 
 static hyk_hit tb_brute(const tb_scene *s, const hyk_ray *ray) {
-    static hyi_walk walk;
+    hyi_flight above, below;
     hyk_hit hit;
-    hyi_walk_begin_tree(&walk, &s->accel, &s->bvh[0], ray, hyi_finite_limit(ray->t_max));
+    (void)hyi_flight_begin(&above, &s->bvh[0], ray, FLT_MAX);
     for (uint32_t i = 0; i < s->instance_count; i++) {
-        uint32_t id = i;
-        hyi_bvh one;
-        memset(&one, 0, sizeof one);
-        one.ids = &id;
-        walk.bvh = &one;
-        walk.waiting = 0;
-        walk.at = hyi_make_leaf(0, 1);
-        hyi_walk_enter(&walk);
-        if (walk.at == HYI_WALK_ENDED) continue;
-        if (hyi_child_is_leaf(walk.bvh->root)) tb_brute_leaf(&walk, walk.bvh->root);
-        for (uint32_t n = 0; n < walk.bvh->node_count; n++) {
+        hyi_site site = hyi_site_of_item(&s->accel, i);
+        if (!hyi_flight_enter(&below, &above, &site)) continue;
+        if (hyi_child_is_leaf(site.bvh->root)) tb_brute_leaf(&site, &below, site.bvh->root);
+        for (uint32_t n = 0; n < site.bvh->node_count; n++) {
             for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-                if (hyi_child_is_leaf(walk.bvh->nodes[n].child[c])) tb_brute_leaf(&walk, walk.bvh->nodes[n].child[c]);
+                if (hyi_child_is_leaf(site.bvh->nodes[n].child[c])) tb_brute_leaf(&site, &below, site.bvh->nodes[n].child[c]);
             }
         }
+        above.best = below.best;
     }
-    hyi_walk_answer(&walk, &hit);
+    hyi_answer(&s->accel, &above.best, &hit);
     return hit;
 }
 
@@ -185,6 +178,15 @@ static hyk_ray tb_rays[TB_BATCH];
 static hyk_hit tb_hits[TB_BATCH], tb_other[TB_BATCH];
 static uint8_t tb_any[TB_BATCH], tb_any_other[TB_BATCH];
 
+/* The batch as a stream, closest and any. */
+static void tb_stream_through(tb_scene *s) {
+    hyi_ray_stream stream;
+    assert_int_equal(hyi_ray_stream_alloc(&s->host.context, &s->accel, TB_BATCH, &stream), HYDRA_OK);
+    hyi_trace_closest(&s->accel, &stream, tb_rays, tb_hits, TB_BATCH);
+    hyi_trace_any(&s->accel, &stream, tb_rays, tb_any, TB_BATCH);
+    hyi_ray_stream_free(&s->host.context, &stream);
+}
+
 /* Scalar, vectors, any hit and (on every brute-th ray) brute force all say the same. */
 static void tb_compare(tb_scene *s, uint32_t rays, float size, uint32_t brute, uint64_t seed) {
     ht_rng rng = ht_rng_make(seed);
@@ -192,11 +194,10 @@ static void tb_compare(tb_scene *s, uint32_t rays, float size, uint32_t brute, u
     for (uint32_t done = 0; done < rays; done += TB_BATCH) {
         for (uint32_t i = 0; i < TB_BATCH; i++) tb_rays[i] = tb_random_ray(&rng, size);
         s->accel.isa = HYDRA_ISA_SCALAR;
-        hyi_trace_closest(&s->accel, tb_rays, tb_other, TB_BATCH);
-        hyi_trace_any(&s->accel, tb_rays, tb_any_other, TB_BATCH);
+        hyi_trace_closest(&s->accel, NULL, tb_rays, tb_other, TB_BATCH);
+        hyi_trace_any(&s->accel, NULL, tb_rays, tb_any_other, TB_BATCH);
         s->accel.isa = tb_best_isa();
-        hyi_trace_closest(&s->accel, tb_rays, tb_hits, TB_BATCH);
-        hyi_trace_any(&s->accel, tb_rays, tb_any, TB_BATCH);
+        tb_stream_through(s);
         assert_memory_equal(tb_hits, tb_other, sizeof tb_hits);
         assert_memory_equal(tb_any, tb_any_other, sizeof tb_any);
         for (uint32_t i = 0; i < TB_BATCH; i++) {
@@ -205,7 +206,7 @@ static void tb_compare(tb_scene *s, uint32_t rays, float size, uint32_t brute, u
             if (i % brute) continue;
             hyk_hit truth = tb_brute(s, &tb_rays[i]), one;
             assert_memory_equal(&truth, &tb_hits[i], sizeof truth);
-            hyi_trace_closest(&s->accel, &tb_rays[i], &one, 1);
+            hyi_trace_closest(&s->accel, NULL, &tb_rays[i], &one, 1);
             assert_memory_equal(&truth, &one, sizeof truth);
         }
     }
@@ -306,7 +307,7 @@ static uint32_t tb_leaks(tb_scene *s, uint32_t rays, float depth, uint64_t seed)
             }
             tb_rays[i] = tb_ray(o, d, 0, INFINITY);
         }
-        hyi_trace_closest(&s->accel, tb_rays, tb_hits, TB_BATCH);
+        tb_stream_through(s);
         for (uint32_t i = 0; i < TB_BATCH; i++) leaks += tb_hits[i].instance == HYK_NONE;
     }
     return leaks;
@@ -353,7 +354,7 @@ static void parity_gives_the_volume(void **state) {
         hyk_ray ray = tb_ray(o, d, 0, INFINITY);
         uint32_t crossings = 0;
         for (hyk_hit hit; crossings < 100; crossings++) {
-            hyi_trace_closest(&s.accel, &ray, &hit, 1);
+            hyi_trace_closest(&s.accel, NULL, &ray, &hit, 1);
             if (hit.instance == HYK_NONE) break;
             ray.t_min = nextafterf(hit.t, INFINITY); /* the other triangle of a seam lies at the same t */
         }
@@ -412,7 +413,7 @@ static void distances_are_exact_to_a_few_ulps(void **state) {
         bool sure = tb_exact(p, &ray, &t), well = facing > 0.4f && shape > 0.2f && !sliver;
         tb_single(&s, mesh);
         hyk_hit hit;
-        hyi_trace_closest(&s.accel, &ray, &hit, 1);
+        hyi_trace_closest(&s.accel, NULL, &ray, &hit, 1);
         if (sure && well) assert_int_equal(hit.instance, 0);
         if (sure && hit.instance == 0) {
             double ulps = fabs((double)(((long double)hit.t - t) / t)) / (double)FLT_EPSILON;
@@ -458,7 +459,7 @@ static void rays_count_the_solid_angle(void **state) {
         ht_direction(&rng, d);
         hyk_ray ray = tb_ray(o, d, 0, INFINITY);
         hyk_hit hit;
-        hyi_trace_closest(&s.accel, &ray, &hit, 1);
+        hyi_trace_closest(&s.accel, NULL, &ray, &hit, 1);
         ht_add(&share, hit.instance == 0 ? 4 * HT_PI : 0.0);
     }
     ht_assert_mean(&share, angle, 0.03);
@@ -485,7 +486,7 @@ static void scale_and_place_do_not_matter(void **state) {
             ht_direction(&rng, d);
             hyk_ray ray = tb_ray(o, d, 0, INFINITY);
             hyk_hit hit;
-            hyi_trace_closest(&s.accel, &ray, &hit, 1);
+            hyi_trace_closest(&s.accel, NULL, &ray, &hit, 1);
             assert_int_equal(hit.instance, 0);
             assert_true(hit.t > 0.98f * sizes[k] && hit.t < 1.0001f * sizes[k]);
         }
@@ -514,14 +515,14 @@ static void any_length_of_direction(void **state) {
         const float o[3] = {0.1f, 0.2f, -0.1f}, d[3] = {0, 0, lengths[k]};
         hyk_ray ray = tb_ray(o, d, 0, INFINITY);
         hyk_hit hit;
-        hyi_trace_closest(&s.accel, &ray, &hit, 1);
+        hyi_trace_closest(&s.accel, NULL, &ray, &hit, 1);
         if (lengths[k] > 1e-38f) assert_int_equal(hit.instance, 0);
         if (lengths[k] > 1e-38f) ht_assert_near(hit.t * lengths[k], 1.05, 0.06);
     }
     const float far_origin[3] = {0.1f, 0.2f, -1e30f}, ahead[3] = {0, 0, 1}, nowhere[3] = {0, 0, 0};
     hyk_ray rays[2] = {tb_ray(far_origin, ahead, 0, INFINITY), tb_ray(far_origin, nowhere, 0, INFINITY)};
     hyk_hit hits[2];
-    hyi_trace_closest(&s.accel, rays, hits, 2);
+    hyi_trace_closest(&s.accel, NULL, rays, hits, 2);
     assert_true(ht_finite(hits[0].t));
     assert_int_equal(hits[1].instance, HYK_NONE);
     tb_end(&s);
@@ -534,8 +535,8 @@ static hyk_hit tb_one(const tb_scene *s, float ox, float oy, float oz, float dx,
     hyk_ray ray = tb_ray(o, d, t_min, t_max);
     hyk_hit hit;
     uint8_t any;
-    hyi_trace_closest(&s->accel, &ray, &hit, 1);
-    hyi_trace_any(&s->accel, &ray, &any, 1);
+    hyi_trace_closest(&s->accel, NULL, &ray, &hit, 1);
+    hyi_trace_any(&s->accel, NULL, &ray, &any, 1);
     assert_int_equal(any, hit.instance != HYK_NONE);
     return hit;
 }
@@ -575,7 +576,7 @@ static void barycentrics_follow_the_indices(void **state) {
     for (int i = 0; i < 4000; i++) {
         hyk_ray ray = tb_random_ray(&rng, 1.2f);
         hyk_hit hit;
-        hyi_trace_closest(&s.accel, &ray, &hit, 1);
+        hyi_trace_closest(&s.accel, NULL, &ray, &hit, 1);
         if (hit.instance == HYK_NONE) continue;
         found++;
         assert_true(hit.u >= 0 && hit.v >= 0 && hit.u + hit.v <= 1.000001f);
@@ -617,10 +618,18 @@ static void equal_triangles_give_the_smallest(void **state) {
 /* ---- what must not make rays slow: zero directions and origins on planes */
 
 static uint32_t tb_visits(const tb_scene *s, const hyk_ray *ray) {
-    static hyi_walk walk;
-    uint32_t visits = 0;
-    hyi_walk_begin(&walk, &s->accel, ray);
-    for (; walk.at != HYI_WALK_ENDED; visits++) hyi_visit_scalar(&walk, 0);
+    hyi_site site = hyi_first_site(&s->accel);
+    hyi_flight flight;
+    uint32_t visits = 0, list[512], waiting = 0;
+    if (hyi_flight_begin(&flight, site.bvh, ray, FLT_MAX)) list[waiting++] = site.bvh->root;
+    while (waiting > 0) { /* every child met, without looking at triangles: what boxes alone let pass */
+        uint32_t at = list[--waiting];
+        float enter[8];
+        visits++;
+        if (hyi_child_is_leaf(at)) continue;
+        for (uint32_t mask = hyi_visit_node_scalar(&flight.aim, &site.bvh->nodes[at], enter); mask; mask &= mask - 1u)
+            list[waiting++] = site.bvh->nodes[at].child[hyi_lowest_bit(mask)];
+    }
     return visits;
 }
 
@@ -756,7 +765,7 @@ static void any_order_of_work_builds_the_same(void **state) {
         host.context.threads = 3;
         if (k == 2) assert_int_equal(hyi_pool_create(&host.context), HYDRA_OK);
 #endif
-        assert_int_equal(hyi_bvh_build_triangles(&host.context, mesh->positions, mesh->indices, mesh->index_count / 3, &bvh), HYDRA_OK);
+        assert_int_equal(hyi_bvh_build_triangles(&host.context, mesh->positions, mesh->indices, mesh->index_count / 3, HYDRA_BUILD_BEST, &bvh), HYDRA_OK);
         assert_int_equal(bvh.node_count, first.bvh[0].node_count);
         assert_memory_equal(bvh.nodes, first.bvh[0].nodes, bvh.node_count * sizeof(hyi_node));
         assert_memory_equal(bvh.ids, first.bvh[0].ids, bvh.slot_count * sizeof(uint32_t));
@@ -780,7 +789,7 @@ static void failing_memory_leaks_nothing(void **state) {
         hyi_bvh bvh;
         tb_open(&host);
         host.memory.fail_at = n;
-        hydra_result result = hyi_bvh_build_triangles(&host.context, mesh.positions, mesh.indices, mesh.index_count / 3, &bvh);
+        hydra_result result = hyi_bvh_build_triangles(&host.context, mesh.positions, mesh.indices, mesh.index_count / 3, HYDRA_BUILD_BEST, &bvh);
         if (result == HYDRA_OK) hyi_bvh_free(&host.context, &bvh);
         else assert_int_equal(result, HYDRA_ERROR_OUT_OF_MEMORY);
         assert_true(bvh.nodes == NULL && bvh.primitive_count == 0);
@@ -826,7 +835,7 @@ static void shapes_are_seen_in_front_of_surfaces(void **state) {
         hyk_ray rays[3] = {tb_ray(o, d, 0, INFINITY), tb_ray(o, up, 0, INFINITY), tb_ray(o, d, 7, INFINITY)};
         hyk_hit hits[3];
         uint8_t any[3];
-        hyi_trace_closest(&s.accel, rays, hits, 3);
+        hyi_trace_closest(&s.accel, NULL, rays, hits, 3);
         assert_true(hits[0].instance == 0 && hits[0].t == 8);
         hyi_trace_shapes_closest(&s.accel, rays, hits, 3, k < 2);
         assert_int_equal(hits[0].instance, HYK_HIT_SHAPE);
@@ -835,7 +844,7 @@ static void shapes_are_seen_in_front_of_surfaces(void **state) {
         assert_int_equal(hits[1].instance, HYK_NONE);
         assert_true(hits[2].instance == 0 && hits[2].t == 8);
         rays[0].t_max = 4;
-        hyi_trace_any(&s.accel, rays, any, 3);
+        hyi_trace_any(&s.accel, NULL, rays, any, 3);
         assert_true(any[0] == 0 && any[1] == 0 && any[2] == 1);
         hyi_trace_shapes_any(&s.accel, rays, any, 3);
         assert_true(any[0] == 1 && any[1] == 0 && any[2] == 1);

@@ -4,7 +4,8 @@
        amalgamate --list      prints the parts, one a line, in their order
 
    The concatenation is verbatim but for local #include lines, which are dropped, and it depends on
-   nothing but the parts: no date, no path of this machine. It stops with a message when a part is
+   nothing but the parts: no date, no path of this machine. Only files named *.inc.h stand in place of
+   every line that includes them: code that is expanded once for each instruction set, in its words. It stops with a message when a part is
    missing, has no mark in its first line, stands twice in the list, or includes a file that is not
    in the list before it: so the order below is also the proof that arrows only point down. */
 #include <stdarg.h>
@@ -55,9 +56,12 @@ static const char *const parts[] = {
     "src/bvh/build_tree.h",
     "src/bvh/triangle.h",
     "src/bvh/walk.h",
-    "src/bvh/traverse_avx2.h",
-    "src/bvh/traverse_neon.h",
-    "src/bvh/traverse_scalar.h",
+    "src/bvh/stream.h",
+    "src/bvh/lanes_scalar.h",
+    "src/bvh/lanes_avx2.h",
+    "src/bvh/lanes_avx512.h",
+    "src/bvh/lanes_sse42.h",
+    "src/bvh/lanes_neon.h",
     "src/bvh/build_collapse.h",
     "src/bvh/build.h",
     "src/bvh/trace.h",
@@ -228,6 +232,21 @@ static bool guards_only_include(const char *line) {
     return *third && after_directive(third, "endif") != NULL;
 }
 
+static bool is_template(const char *name) {
+    size_t length = strlen(name);
+    return length > 6 && !strcmp(name + length - 6, ".inc.h");
+}
+
+static void write_template(FILE *out, int index, const char *name) {
+    char path[path_size];
+    resolve(parts[index], name, path);
+    char *text = read_file(path);
+    for (const char *line = text; *line; line += line_length(line))
+        if (after_directive(line, "include")) stop("%s must not include anything", path);
+    fputs(text, out);
+    free(text);
+}
+
 static void write_part(FILE *out, int index, const char *text) {
     char name[path_size];
     bool blank = true, dropped = false;
@@ -235,6 +254,10 @@ static void write_part(FILE *out, int index, const char *text) {
     for (const char *line = text; *line; line += line_length(line)) {
         bool block = guards_only_include(line);
         if (block) line += line_length(line);
+        if (local_include(line, name) && is_template(name)) {
+            write_template(out, index, name);
+            continue;
+        }
         if (local_include(line, name)) {
             check_include(index, name);
             if (block) line += line_length(line);

@@ -40,7 +40,7 @@ static void print_memory(hydra_context *context, const hydra_status *status) {
 
 void report_print(const report *times, const imported *scene_file, hydra_context *context, const hydra_scene *scene,
                   const hydra_status *status) {
-    static const char *const isa_names[] = {"auto", "scalar", "AVX2", "NEON"};
+    static const char *const isa_names[] = {"auto", "scalar", "SSE4.2", "AVX2", "AVX-512", "NEON"};
     hydra_scene_info info;
     hydra_scene_get_info(scene, &info);
     hydra_isa isa = hydra_context_isa(context);
@@ -50,7 +50,7 @@ void report_print(const report *times, const imported *scene_file, hydra_context
     print_scene(&info, scene_file);
     print_rays(status);
     printf("samples/pixel  %12.1f   %u threads, %s\n", status->samples, (unsigned)hydra_context_threads(context),
-           (unsigned)isa < 4 ? isa_names[isa] : "unknown");
+           (unsigned)isa < sizeof isa_names / sizeof *isa_names ? isa_names[isa] : "unknown");
     printf("relative error %12.4f   95 %% interval %.4f to %.4f; %llu heavy-tailed pixels, %llu samples dropped\n", status->error,
            status->error_low, status->error_high, (unsigned long long)status->heavy_pixels, (unsigned long long)status->dropped_samples);
     print_memory(context, status);

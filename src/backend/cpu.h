@@ -27,6 +27,7 @@ typedef struct hyi_batch {
     hyi_shadow *shadows;
     uint8_t *occluded;
     hyi_lane *lanes;
+    hyi_ray_stream stream;
     hyi_counters counters;
 } hyi_batch;
 
@@ -41,9 +42,10 @@ HYI_FN void hyi_batch_free(hydra_context *context, hyi_batch *batch) {
     hyi_free_array(context, &batch->shadows, batch->capacity);
     hyi_free_array(context, &batch->occluded, batch->capacity);
     hyi_free_array(context, &batch->lanes, batch->capacity);
+    hyi_ray_stream_free(context, &batch->stream);
 }
 
-HYI_FN hydra_result hyi_batch_alloc(hydra_context *context, uint32_t capacity, hyi_batch *batch) {
+HYI_FN hydra_result hyi_batch_alloc(hydra_context *context, const hyi_accel *accel, uint32_t capacity, hyi_batch *batch) {
     memset(batch, 0, sizeof *batch);
     batch->capacity = capacity;
     HYI_TRY(hyi_alloc_array(context, &batch->paths, capacity));
@@ -52,7 +54,10 @@ HYI_FN hydra_result hyi_batch_alloc(hydra_context *context, uint32_t capacity, h
     HYI_TRY(hyi_alloc_array(context, &batch->shadow_rays, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->shadows, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->occluded, capacity));
-    return hyi_alloc_array(context, &batch->lanes, capacity);
+    HYI_TRY(hyi_alloc_array(context, &batch->lanes, capacity));
+    hydra_result result = hyi_ray_stream_alloc(context, accel, capacity, &batch->stream);
+    if (result == HYDRA_OK) return result;
+    return hyi_fail(context, result, "ray streams for %u lanes", capacity);
 }
 
 /* ---- results */
@@ -207,7 +212,7 @@ HYI_FN void hyi_generate(const hyi_picture *picture, const hyi_chunk *chunk, hyi
 HYI_FN void hyi_shadow_pass(const hyi_picture *picture, hyi_batch *batch) {
     uint32_t count = batch->shadows_alive;
     if (!count) return;
-    hyi_trace_any(picture->accel, batch->shadow_rays, batch->occluded, count);
+    hyi_trace_any(picture->accel, &batch->stream, batch->shadow_rays, batch->occluded, count);
     if (picture->accel->shapes) hyi_trace_shapes_any(picture->accel, batch->shadow_rays, batch->occluded, count);
     for (uint32_t i = 0; i < count; i++) {
         if (batch->occluded[i]) continue;
@@ -222,7 +227,7 @@ HYI_FN void hyi_shadow_pass(const hyi_picture *picture, hyi_batch *batch) {
 }
 
 HYI_FN void hyi_intersect_pass(const hyi_picture *picture, hyi_batch *batch, bool from_sensor) {
-    hyi_trace_closest(picture->accel, batch->rays, batch->hits, batch->paths_alive);
+    hyi_trace_closest(picture->accel, &batch->stream, batch->rays, batch->hits, batch->paths_alive);
     if (picture->accel->shapes) hyi_trace_shapes_closest(picture->accel, batch->rays, batch->hits, batch->paths_alive, from_sensor);
 }
 

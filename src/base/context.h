@@ -67,23 +67,30 @@ HYI_FN bool hyi_multiply_overflows(size_t a, size_t b) {
     return b != 0 && a > SIZE_MAX / b;
 }
 
-/* *memory gets size bytes aligned to 64, or NULL when size is 0. Contents are undefined. Any thread. */
-HYI_FN hydra_result hyi_alloc_bytes(hydra_context *context, size_t size, void **memory) {
+/* *memory gets size bytes aligned to 64, or NULL when size is 0. Contents are undefined. Any thread; says nothing in
+   the context's text. */
+HYI_FN hydra_result hyi_try_alloc(hydra_context *context, size_t size, void **memory) {
     *memory = NULL;
     if (size == 0) return HYDRA_OK;
     size_t now = (size_t)hyi_atomic_add(&context->bytes_now, (int64_t)size) + size;
-    if (context->desc.memory_cap && now > context->desc.memory_cap) {
-        hyi_atomic_add(&context->bytes_now, -(int64_t)size);
-        return hyi_fail(context, HYDRA_ERROR_MEMORY_CAP, "%zu bytes more would make %zu, the cap is %zu", size, now, context->desc.memory_cap);
-    }
-    *memory = context->desc.allocator.alloc(context->desc.allocator.user, size);
+    bool allowed = !context->desc.memory_cap || now <= context->desc.memory_cap;
+    if (allowed) *memory = context->desc.allocator.alloc(context->desc.allocator.user, size);
     if (!*memory) {
         hyi_atomic_add(&context->bytes_now, -(int64_t)size);
-        return hyi_fail(context, HYDRA_ERROR_OUT_OF_MEMORY, "%zu bytes", size);
+        return allowed ? HYDRA_ERROR_OUT_OF_MEMORY : HYDRA_ERROR_MEMORY_CAP;
     }
     hyi_atomic_raise(&context->bytes_peak, (int64_t)now);
     hyi_atomic_add(&context->allocations_now, 1);
     return HYDRA_OK;
+}
+
+/* The same with a message. */
+HYI_FN hydra_result hyi_alloc_bytes(hydra_context *context, size_t size, void **memory) {
+    hydra_result result = hyi_try_alloc(context, size, memory);
+    if (result == HYDRA_ERROR_OUT_OF_MEMORY) return hyi_fail(context, result, "%zu bytes", size);
+    if (result != HYDRA_ERROR_MEMORY_CAP) return result;
+    size_t now = (size_t)hyi_atomic_load(&context->bytes_now);
+    return hyi_fail(context, result, "%zu bytes more than the %zu now, the cap is %zu", size, now, context->desc.memory_cap);
 }
 
 HYI_FN void hyi_free_bytes(hydra_context *context, void *memory, size_t size) {

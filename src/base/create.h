@@ -19,12 +19,21 @@ HYDRA_API const char *hydra_error_text(const hydra_context *context) {
 }
 
 HYI_FN hydra_isa hyi_best_isa(void) {
+    if (hyi_has_avx512()) return HYDRA_ISA_AVX512;
     if (hyi_has_avx2()) return HYDRA_ISA_AVX2;
+    if (hyi_has_sse42()) return HYDRA_ISA_SSE42;
     return HYI_NEON ? HYDRA_ISA_NEON : HYDRA_ISA_SCALAR;
 }
 
 HYI_FN bool hyi_isa_is_there(hydra_isa isa) {
-    return isa == HYDRA_ISA_SCALAR || (isa != HYDRA_ISA_AUTO && isa == hyi_best_isa());
+    switch (isa) {
+    case HYDRA_ISA_SCALAR: return true;
+    case HYDRA_ISA_SSE42: return hyi_has_sse42();
+    case HYDRA_ISA_AVX2: return hyi_has_avx2();
+    case HYDRA_ISA_AVX512: return hyi_has_avx512();
+    case HYDRA_ISA_NEON: return HYI_NEON;
+    default: return false;
+    }
 }
 
 HYI_FN hydra_context_desc hyi_resolved_context_desc(const hydra_context_desc *desc) {

@@ -66,12 +66,16 @@
 #else
 #define HYI_NEON 0
 #endif
-/* Functions that use AVX2. FMA is left out on purpose: contracting a*b - c*d breaks the antisymmetry
-   that the watertight triangle test stands on. */
+/* Functions that use one instruction set, chosen at run time. FMA may merge products and sums in them: where
+   the watertight triangle test stands on separate rounding, that is pinned by hyi_rounded and its kin. */
 #if HYI_X86 && HYI_GNU
-#define HYI_AVX2 __attribute__((target("avx2,bmi,lzcnt")))
+#define HYI_SSE42 __attribute__((target("sse4.2,popcnt")))
+#define HYI_AVX2 __attribute__((target("avx2,fma,bmi,lzcnt,popcnt")))
+#define HYI_AVX512 __attribute__((target("avx512f,avx512bw,avx512vl,avx512dq,avx2,fma,bmi,lzcnt,popcnt")))
 #else
+#define HYI_SSE42
 #define HYI_AVX2
+#define HYI_AVX512
 #endif
 
 /* Returns from the enclosing function on anything but HYDRA_OK. */
@@ -95,6 +99,17 @@ HYI_INLINE float hyi_rounded(float product) {
     __asm__("" : "+w"(product));
 #endif
     return product;
+}
+
+/* Asks for the cache line at address ahead of its use. */
+HYI_INLINE void hyi_prefetch(const void *address) {
+#if HYI_GNU
+    __builtin_prefetch(address);
+#elif HYI_X86
+    _mm_prefetch((const char *)address, _MM_HINT_T0);
+#else
+    (void)address;
+#endif
 }
 
 /* ---- atomics, all sequentially consistent: they are used per tile, never per ray */
@@ -173,14 +188,40 @@ HYI_FN uint32_t hyi_processor_count(void) {
 #endif
 }
 
+HYI_FN bool hyi_has_sse42(void) {
+#if HYI_X86 && HYI_GNU
+    return __builtin_cpu_supports("sse4.2") && __builtin_cpu_supports("popcnt");
+#elif HYI_X86
+    int leaf1[4];
+    __cpuid(leaf1, 1);
+    return (leaf1[2] & (1 << 20)) && (leaf1[2] & (1 << 23));
+#else
+    return false;
+#endif
+}
+
 HYI_FN bool hyi_has_avx2(void) {
 #if HYI_X86 && HYI_GNU
-    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi");
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi");
 #elif HYI_X86
     int leaf1[4], leaf7[4];
     __cpuid(leaf1, 1);
     __cpuidex(leaf7, 7, 0);
-    return (leaf1[2] & (1 << 27)) && (_xgetbv(0) & 6) == 6 && (leaf7[1] & (1 << 5)) && (leaf7[1] & (1 << 3));
+    return (leaf1[2] & (1 << 27)) && (leaf1[2] & (1 << 12)) && (_xgetbv(0) & 6) == 6 && (leaf7[1] & (1 << 5)) && (leaf7[1] & (1 << 3));
+#else
+    return false;
+#endif
+}
+
+HYI_FN bool hyi_has_avx512(void) {
+#if HYI_X86 && HYI_GNU
+    return hyi_has_avx2() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
+           __builtin_cpu_supports("avx512vl");
+#elif HYI_X86
+    int leaf7[4];
+    __cpuidex(leaf7, 7, 0);
+    const int needed = 1 << 16 | 1 << 17 | 1 << 30 | (int)(1u << 31);
+    return hyi_has_avx2() && (_xgetbv(0) & 0xe6) == 0xe6 && (leaf7[1] & needed) == needed;
 #else
     return false;
 #endif

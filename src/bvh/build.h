@@ -36,8 +36,9 @@ HYI_FN hydra_result hyi_build_run(hyi_build *build) {
 /* positions: x, y, z tightly packed and finite; indices: three a triangle, in range. The tree depends on
    these alone, not on threads. Degenerate triangles are dropped and counted. */
 HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
-                                            uint32_t triangle_count, hyi_bvh *bvh) {
+                                            uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {
     hyi_build build;
+    (void)quality;
     memset(&build, 0, sizeof build);
     build.context = context;
     build.positions = positions;

@@ -3,115 +3,293 @@
 #define HYI_BVH_TRACE_H
 
 #include "build.h"
-#include "traverse_scalar.h"
-#include "traverse_avx2.h"
-#include "traverse_neon.h"
+#include "lanes_scalar.h"
+#include "lanes_avx2.h"
+#include "lanes_avx512.h"
+#include "lanes_sse42.h"
+#include "lanes_neon.h"
 #include "../../shaders/shared/shape.h"
 
-HYI_INLINE uint32_t hyi_walk_flags(const hyi_accel *accel) {
-    return (accel->mesh_has_alpha ? HYI_WALK_ALPHA : 0u) | (accel->single ? 0u : HYI_WALK_LEVELS);
-}
+/* ---- by instruction set */
 
-HYI_FN void hyi_trace_dispatch(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count, uint32_t flags) {
-    switch (accel->isa) {
 #if HYI_X86
-    case HYDRA_ISA_AVX2: hyi_trace_avx2(accel, rays, hits, occluded, count, flags); return;
+#define HYI_VECTOR_CASES(name, arguments)                  \
+    case HYDRA_ISA_AVX512: name##_avx512 arguments; break; \
+    case HYDRA_ISA_AVX2: name##_avx2 arguments; break;     \
+    case HYDRA_ISA_SSE42: name##_sse42 arguments; break;
+#elif HYI_NEON
+#define HYI_VECTOR_CASES(name, arguments) \
+    case HYDRA_ISA_NEON: name##_neon arguments; break;
+#else
+#define HYI_VECTOR_CASES(name, arguments)
 #endif
-#if HYI_NEON
-    case HYDRA_ISA_NEON: hyi_trace_neon(accel, rays, hits, occluded, count, flags); return;
-#endif
-    default: hyi_trace_scalar(accel, rays, hits, occluded, count, flags); return;
+
+/* Calls name for an instruction set; for one that has vectors. */
+#define HYI_DISPATCH(isa, name, arguments)        \
+    switch (isa) {                                \
+        HYI_VECTOR_CASES(name, arguments)         \
+    default: name##_scalar arguments; break;      \
     }
+#define HYI_DISPATCH_VECTOR(isa, name, arguments) \
+    switch (isa) {                                \
+        HYI_VECTOR_CASES(name, arguments)         \
+    default: break;                               \
+    }
+
+/* ---- memory for streams */
+
+#define HYI_STREAM_LISTS 40u /* words a ray: eight lists of all at the root, fewer at each level below */
+
+/* Rays a packet. */
+HYI_INLINE uint32_t hyi_isa_lanes(hydra_isa isa) { return isa == HYDRA_ISA_AVX512 ? 16u : 8u; }
+
+/* Sizes for calls of about count rays; capacity 0: none are needed. */
+HYI_INLINE hyi_ray_stream hyi_plan_ray_stream(const hyi_accel *accel, size_t count) {
+    hyi_ray_stream stream;
+    uint32_t sorted = count < HYI_STREAM_SORTED ? (uint32_t)count : HYI_STREAM_SORTED;
+    memset(&stream, 0, sizeof stream);
+    if (accel->isa == HYDRA_ISA_SCALAR || accel->empty || count < HYI_STREAM_LEAST) return stream;
+    stream.levels = accel->single ? 1u : 2u;
+    stream.capacity = count < HYI_STREAM_RAYS ? ((uint32_t)count + 15u) & ~15u : HYI_STREAM_RAYS;
+    stream.packet_share = stream.capacity / hyi_isa_lanes(accel->isa) + HYI_RAY_GROUPS;
+    stream.sorted = sorted;
+    stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + sorted / 4u;
+    return stream;
 }
 
-/* Closest hits of count rays on triangles: instance HYK_NONE and t -1 on a miss. Ties: smallest instance,
-   then primitive. Light shapes are not looked at. */
-HYI_FN void hyi_trace_closest(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint32_t count) {
-    if (!accel->empty) {
-        hyi_trace_dispatch(accel, rays, hits, NULL, count, hyi_walk_flags(accel));
-        return;
-    }
+HYI_INLINE size_t hyi_ray_stream_bytes(const hyi_ray_stream *stream) {
+    if (stream->capacity == 0) return 0;
+    return stream->levels * (stream->capacity * sizeof *stream->flights + stream->packet_share * sizeof *stream->packets) +
+           (2u * (size_t)stream->sorted + stream->list_count) * sizeof(uint32_t);
+}
+
+HYI_FN void hyi_ray_stream_free(hydra_context *context, hyi_ray_stream *stream) {
+    hyi_free_bytes(context, stream->packets, hyi_ray_stream_bytes(stream));
+    memset(stream, 0, sizeof *stream);
+}
+
+/* One block. On failure the capacity is 0, and the stream good for rays one by one; nothing is said in the context's text. */
+HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel *accel, size_t count, hyi_ray_stream *stream) {
+    void *block;
+    *stream = hyi_plan_ray_stream(accel, count);
+    hydra_result result = hyi_try_alloc(context, hyi_ray_stream_bytes(stream), &block);
+    if (result != HYDRA_OK) memset(stream, 0, sizeof *stream);
+    if (stream->capacity == 0) return result;
+    stream->packets = (hyi_packet *)block;
+    stream->flights = (hyi_flight *)(void *)(stream->packets + stream->levels * stream->packet_share);
+    stream->lists = (uint32_t *)(void *)(stream->flights + stream->levels * stream->capacity);
+    stream->order = stream->lists + stream->list_count;
+    return HYDRA_OK;
+}
+
+/* ---- one by one */
+
+HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, hyk_hit *hit, uint8_t *occluded) {
+    if (occluded) *occluded = flight->best.instance != HYK_NONE;
+    else hyi_answer(accel, &flight->best, hit);
+}
+
+/* The tracing functions say whether all rays were sound. */
+HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
+    hyk_ray ray = hyi_load_ray(at);
+    return hyi_ray_is_sound(&ray);
+}
+
+HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    bool sound = true;
     for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (hyi_flight_begin(&flight, site.bvh, &rays[i], FLT_MAX)) {
+            HYI_DISPATCH(accel->isa, hyi_walk_scene, (&site, &flight, site.bvh->root, occluded != NULL))
+        } else {
+            sound = hyi_was_sound(&rays[i]) && sound;
+        }
+        hyi_tell(accel, &flight, hits ? &hits[i] : NULL, occluded ? &occluded[i] : NULL);
+    }
+    return sound;
+}
+
+/* ---- streams */
+
+#define HYI_STREAM_AHEAD 12u /* rays whose loads are asked for ahead */
+
+HYI_INLINE uint8_t hyi_direction_key(hyk_vec3 d) {
+    float x = fabsf(d.x), y = fabsf(d.y), z = fabsf(d.z);
+    uint32_t axis = z > x && z > y ? 2u : x >= y ? 0u : 1u;
+    return (uint8_t)((d.x < 0.0f ? 1u : 0u) | (d.y < 0.0f ? 2u : 0u) | (d.z < 0.0f ? 4u : 0u) | axis << 3);
+}
+
+/* count rays, at most capacity, by their numbers in order. */
+HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+                            const uint32_t *order, uint32_t count) {
+    uint32_t flying = 0;
+    bool sound = true;
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &stream->flights[flying];
+        uint32_t k = order[i];
+        if (i + HYI_STREAM_AHEAD < count) hyi_prefetch(&rays[order[i + HYI_STREAM_AHEAD]]);
+        if (hyi_flight_begin(flight, site->bvh, &rays[k], FLT_MAX)) {
+            flying++;
+        } else {
+            sound = hyi_was_sound(&rays[k]) && sound;
+            hyi_tell(site->accel, flight, hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
+        }
+    }
+    HYI_DISPATCH_VECTOR(site->accel->isa, hyi_run_flights, (site, stream, flying, stream->lists, false, occluded != NULL))
+    for (uint32_t i = 0; i < flying; i++) {
+        const hyi_flight *flight = &stream->flights[i];
+        size_t k = (size_t)(flight->ray - rays);
+        hyi_tell(site->accel, flight, hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
+    }
+    return sound;
+}
+
+/* Rays by their numbers in others: sorted by direction, then a slice at a time. sorted: room for as many. */
+HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+                             const uint32_t *others, uint32_t *sorted, uint32_t count) {
+    uint32_t starts[HYI_RAY_GROUPS + 1];
+    uint8_t *keys = (uint8_t *)(void *)stream->lists;
+    bool sound = true;
+    for (uint32_t i = 0; i < count; i++) keys[i] = hyi_direction_key(hyi_load_ray(&rays[others[i]]).direction);
+    hyi_group(keys, count, sorted, starts);
+    for (uint32_t i = 0; i < count; i++) sorted[i] = others[sorted[i]];
+    for (uint32_t at = 0; at < count; at += stream->capacity) {
+        uint32_t slice = count - at < stream->capacity ? count - at : stream->capacity;
+        sound = hyi_trace_slice(site, stream, rays, hits, occluded, sorted + at, slice) && sound;
+    }
+    return sound;
+}
+
+/* Up to HYI_STREAM_SORTED rays: the alike go in packets, the rest is listed in others and counted. */
+HYI_FN uint32_t hyi_trace_alike(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+                                uint32_t count, uint32_t *others) {
+    uint32_t rest = 0;
+    for (uint32_t first = 0; first < count; first += stream->capacity) {
+        uint32_t some = count - first < stream->capacity ? count - first : stream->capacity, left = 0;
+        HYI_DISPATCH_VECTOR(site->accel->isa, left = hyi_run_alike_rays,
+                     (site, stream, rays + first, hits ? hits + first : NULL, occluded ? occluded + first : NULL, some, others + rest))
+        for (uint32_t i = 0; i < left; i++) others[rest + i] += first;
+        rest += left;
+    }
+    return rest;
+}
+
+HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    uint32_t room = stream->sorted, *others = stream->order, *sorted = others + room;
+    bool sound = true;
+    for (uint32_t first = 0, some; first < count; first += some) {
+        hyk_hit *at_hits = hits ? hits + first : NULL;
+        uint8_t *at_occluded = occluded ? occluded + first : NULL;
+        some = count - first < room ? count - first : room;
+        uint32_t rest = some;
+        if (site.bvh->rows) rest = hyi_trace_alike(&site, stream, rays + first, at_hits, at_occluded, some, others);
+        else
+            for (uint32_t i = 0; i < some; i++) others[i] = i;
+        sound = hyi_trace_others(&site, stream, rays + first, at_hits, at_occluded, others, sorted, rest) && sound;
+    }
+    return sound;
+}
+
+HYI_FN bool hyi_trace_all(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+    if (stream && stream->capacity && count >= HYI_STREAM_LEAST) return hyi_trace_stream(accel, stream, rays, hits, occluded, count);
+    return hyi_trace_singles(accel, rays, hits, occluded, count);
+}
+
+HYI_FN bool hyi_trace_nothing(const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+    bool sound = true;
+    for (uint32_t i = 0; i < count; i++) {
+        sound = hyi_was_sound(&rays[i]) && sound;
+        if (occluded) {
+            occluded[i] = 0;
+            continue;
+        }
         hits[i].t = -1.0f;
         hits[i].u = hits[i].v = 0.0f;
         hits[i].instance = hits[i].primitive = HYK_NONE;
     }
+    return sound;
+}
+
+/* Closest hits of count rays on triangles: instance HYK_NONE and t -1 on a miss. Ties: smallest instance,
+   then primitive. Light shapes are not looked at. stream: NULL or memory that no one else uses meanwhile.
+   Rays are read by hyi_load_ray alone: they may be the caller's hydra_ray. Those that are not sound meet
+   nothing; false: there were some. */
+HYI_FN bool hyi_trace_closest(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint32_t count) {
+    return accel->empty ? hyi_trace_nothing(rays, hits, NULL, count) : hyi_trace_all(accel, stream, rays, hits, NULL, count);
 }
 
 /* occluded[i] is set to 0 or 1. Light shapes are not looked at. */
-HYI_FN void hyi_trace_any(const hyi_accel *accel, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
-    if (accel->empty) memset(occluded, 0, count);
-    else hyi_trace_dispatch(accel, rays, NULL, occluded, count, hyi_walk_flags(accel) | HYI_WALK_ANY);
+HYI_FN bool hyi_trace_any(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
+    return accel->empty ? hyi_trace_nothing(rays, NULL, occluded, count) : hyi_trace_all(accel, stream, rays, NULL, occluded, count);
 }
 
 /* ---- light shapes: few, so one walk at a time does */
 
-HYI_FN void hyi_shapes_visit_node(hyi_walk *walk) {
-    switch (walk->accel->isa) {
-#if HYI_X86
-    case HYDRA_ISA_AVX2: hyi_visit_node_avx2(walk); return;
-#endif
-#if HYI_NEON
-    case HYDRA_ISA_NEON: hyi_visit_node_neon(walk); return;
-#endif
-    default: hyi_visit_node_scalar(walk); return;
-    }
+typedef struct hyi_shape_visit {
+    const hyi_accel *accel;
+    bool skip_hidden, any;
+} hyi_shape_visit;
+
+HYI_FN bool hyi_visit_shape(void *argument, hyi_flight *flight, uint32_t item) {
+    const hyi_shape_visit *visit = (const hyi_shape_visit *)argument;
+    uint32_t index = visit->accel->shape_lights[item];
+    const hyk_light *light = &visit->accel->view->lights[index];
+    if (visit->skip_hidden && (light->flags & HYK_LIGHT_HIDDEN)) return false;
+    float t = hyk_intersect_shape(*light, hyi_load_ray(flight->ray));
+    if (!(t >= flight->t_min && t <= flight->best.t && t >= 0.0f && hyi_beats(&flight->best, t, HYK_HIT_SHAPE, index))) return false;
+    flight->best.t = t;
+    flight->best.u = flight->best.v = 0.0f;
+    flight->best.instance = HYK_HIT_SHAPE;
+    flight->best.primitive = index;
+    hyi_aim_limit(&flight->aim, t);
+    return visit->any;
 }
 
-HYI_FN void hyi_shapes_visit_leaf(hyi_walk *walk, bool skip_hidden) {
-    uint32_t index = walk->accel->shape_lights[walk->bvh->ids[hyi_leaf_first(walk->at)]];
-    const hyk_light *light = &walk->accel->view->lights[index];
-    if (!(skip_hidden && (light->flags & HYK_LIGHT_HIDDEN))) {
-        float t = hyk_intersect_shape(*light, *walk->ray);
-        if (t >= walk->ray->t_min && t <= walk->best.t && t >= 0.0f && hyi_beats(&walk->best, t, HYK_HIT_SHAPE, index)) {
-            walk->best.t = t;
-            walk->best.u = walk->best.v = 0.0f;
-            walk->best.instance = HYK_HIT_SHAPE;
-            walk->best.primitive = index;
-            hyi_aim_limit(&walk->aim, t);
-        }
-    }
-    hyi_walk_pop(walk);
-}
-
-/* Whether a shape beats limit, the best that is known; the answer is then in walk->best. */
-HYI_FN bool hyi_shapes_walk(hyi_walk *walk, const hyi_accel *accel, const hyk_ray *ray, const hyi_best *limit, bool skip_hidden, bool any) {
-    hyi_walk_begin_tree(walk, accel, accel->shapes, ray, limit->t);
-    walk->best = *limit;
-    while (walk->at != HYI_WALK_ENDED) {
-        if (!hyi_child_is_leaf(walk->at)) hyi_shapes_visit_node(walk);
-        else hyi_shapes_visit_leaf(walk, skip_hidden);
-        if (any && walk->best.instance == HYK_HIT_SHAPE) hyi_walk_stop(walk);
-    }
-    return walk->best.instance == HYK_HIT_SHAPE;
+/* Whether a shape beats limit, the best that is known; the answer is then in flight->best. */
+HYI_FN bool hyi_meet_shapes(hyi_shape_visit *visit, hyi_flight *flight, const hyk_ray *ray, const hyi_best *limit) {
+    const hyi_bvh *shapes = visit->accel->shapes;
+    if (!hyi_flight_begin(flight, shapes, ray, limit->t)) return false;
+    flight->best = *limit;
+    HYI_DISPATCH(visit->accel->isa, hyi_walk_boxes, (shapes, flight, shapes->root, hyi_visit_shape, visit))
+    return flight->best.instance == HYK_HIT_SHAPE;
 }
 
 /* Replaces hits[i] where a light shape is nearer: instance HYK_HIT_SHAPE, primitive the light, u = v = 0.
    skip_hidden: lights flagged HYK_LIGHT_HIDDEN are not seen. */
 HYI_FN void hyi_trace_shapes_closest(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint32_t count, bool skip_hidden) {
-    hyi_walk walk;
+    hyi_shape_visit visit;
+    visit.accel = accel;
+    visit.skip_hidden = skip_hidden;
+    visit.any = false;
     if (!accel->shapes) return;
     for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
         hyi_best limit;
-        limit.t = hits[i].instance == HYK_NONE ? hyi_finite_limit(rays[i].t_max) : hits[i].t;
+        limit.t = hits[i].instance == HYK_NONE ? hyi_finite_limit(hyi_load_ray(&rays[i]).t_max) : hits[i].t;
         limit.u = hits[i].u;
         limit.v = hits[i].v;
         limit.instance = hits[i].instance;
         limit.primitive = hits[i].primitive;
-        if (hyi_shapes_walk(&walk, accel, &rays[i], &limit, skip_hidden, false)) hyi_walk_answer(&walk, &hits[i]);
+        if (hyi_meet_shapes(&visit, &flight, &rays[i], &limit)) hyi_answer(accel, &flight.best, &hits[i]);
     }
 }
 
 /* Sets occluded[i] to 1 where a shape lies on the ray; rays already occluded are skipped. */
 HYI_FN void hyi_trace_shapes_any(const hyi_accel *accel, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
-    hyi_walk walk;
+    hyi_shape_visit visit;
+    visit.accel = accel;
+    visit.skip_hidden = false;
+    visit.any = true;
     if (!accel->shapes) return;
     for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
         hyi_best limit;
-        limit.t = hyi_finite_limit(rays[i].t_max);
+        limit.t = hyi_finite_limit(hyi_load_ray(&rays[i]).t_max);
         limit.u = limit.v = 0.0f;
         limit.instance = limit.primitive = HYK_NONE;
-        if (!occluded[i] && hyi_shapes_walk(&walk, accel, &rays[i], &limit, false, true)) occluded[i] = 1;
+        if (!occluded[i] && hyi_meet_shapes(&visit, &flight, &rays[i], &limit)) occluded[i] = 1;
     }
 }
 

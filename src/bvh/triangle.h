@@ -21,20 +21,21 @@
 #define HYI_FAR_AWAY 4611686018427387904.0f /* 2^62: a farther origin is moved to here */
 #define HYI_SLAB_BOUND 9.5367431640625e-07f  /* 2^-20 */
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
-#define HYI_STEADY 7.52316384526264e-37f     /* 2^-120: the smallest direction component */
+#define HYI_STEADY 8.67361737988403547e-19f  /* 2^-60: the smallest direction component */
 
 #define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
 
-/* A ray in the units of one tree. t here times unit is t of the ray. */
+/* A ray in the units of one tree. t here times unit is t of the ray. Planes are met at t = plane * inverse + offset. */
 typedef struct hyi_aim {
-    float near_origin[3], far_origin[3]; /* the origin moved by the error bound: slabs only get thicker */
-    float inverse[3];                    /* of the direction; finite */
+    float inverse[3];                     /* of the direction; finite */
+    float near_offset[3], far_offset[3];  /* of the origin moved by the error bound: slabs only get thicker */
     float t_near, t_far;
-    uint32_t near_plane[3];              /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
-    uint32_t axis[3];                    /* x, y, z of the sheared frame; z is the direction's largest */
-    float origin[3], shear[2];           /* in the order of axis */
-    float inverse_z;                     /* t here by distance along z */
-    float direction[3];                  /* in the order of axis */
+    float origin[3], shear[2];            /* in the order of axis */
+    float inverse_z;                      /* t here by distance along z */
+    float direction[3];                   /* in the order of axis */
+    float near_origin[3], far_origin[3];  /* the origin moved, for rays in packets */
+    uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
+    uint32_t near_plane[3];               /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
     double unit, inverse_unit;
 } hyi_aim;
 
@@ -82,18 +83,25 @@ HYI_INLINE float hyi_reach(const hyi_box *box, float origin, int axis, bool loos
 }
 
 /* Slabs. A sheared corner is off by at most 4 x 2^-24 of its distance across plus along the ray, t by a few
-   ulps of the distance: 2^-20 covers both and the rounding of the slabs themselves. Adding 2^-23 of the
-   origin makes the sum really move. A direction of (nearly) zero becomes 2^-120: slabs are never NaN,
-   and an origin on a plane lies inside by the bound. */
+   ulps of the distance: 2^-20 covers both and the rounding of the slabs themselves. 2^-22 of the origin makes
+   the moved one really differ, and covers the rounding of plane * inverse and of the offset. A direction of
+   (nearly) zero becomes 2^-60, whose slabs end beyond the reach of the others: they are never NaN, and an
+   origin on a plane lies inside by the bound. */
+HYI_INLINE float hyi_slab_bound(float reach, float along, float origin) {
+    return HYI_SLAB_BOUND * (reach + along) + 2.0f * HYI_ULP * fabsf(origin);
+}
+
 HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, const float *d, bool loose) {
     float along = hyi_reach(box, o[aim->axis[2]], (int)aim->axis[2], loose);
     for (int a = 0; a < 3; a++) {
-        float bound = HYI_SLAB_BOUND * (hyi_reach(box, o[a], a, loose) + along) + HYI_ULP * fabsf(o[a]);
+        float bound = hyi_slab_bound(hyi_reach(box, o[a], a, loose), along, o[a]);
         float steady = fabsf(d[a]) >= HYI_STEADY ? d[a] : d[a] < 0.0f ? -HYI_STEADY : HYI_STEADY;
         bool falls = steady < 0.0f;
         aim->inverse[a] = 1.0f / steady;
         aim->near_origin[a] = falls ? o[a] - bound : o[a] + bound;
         aim->far_origin[a] = falls ? o[a] + bound : o[a] - bound;
+        aim->near_offset[a] = -aim->near_origin[a] * aim->inverse[a];
+        aim->far_offset[a] = -aim->far_origin[a] * aim->inverse[a];
         aim->near_plane[a] = 2u * (uint32_t)a + (falls ? 1u : 0u);
     }
 }
@@ -183,22 +191,25 @@ HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32
     return true;
 }
 
-/* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT; weights: u and v. */
-HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float weights[2]) {
+/* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT where that is not within t_min and
+   t_max; weights: u and v. The plane comes first: most of the triangles that fail here lie behind a nearer hit. */
+HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2]) {
     float ax, ay, bx, by, cx, cy;
+    double distance;
     rows += lane;
+    if (!hyi_plane_distance(aim, rows, stride, &distance)) return HYI_NO_HIT;
+    float t = (float)hyi_rounded_double(distance * aim->unit);
+    if (!(t >= t_min && t <= t_max)) return HYI_NO_HIT;
     hyi_shear_corner(aim, rows, stride, &ax, &ay);
     hyi_shear_corner(aim, rows + 3u * stride, stride, &bx, &by);
     hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
     double a = hyi_cross_exact(cx, by, cy, bx), b = hyi_cross_exact(ax, cy, ay, cx), c = hyi_cross_exact(bx, ay, by, ax);
-    if ((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) return HYI_NO_HIT;
     double sum = hyi_rounded_double(hyi_rounded_double(a + b) + c);
-    double t;
-    if (sum == 0.0 || !hyi_plane_distance(aim, rows, stride, &t)) return HYI_NO_HIT;
+    if (((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) || sum == 0.0) return HYI_NO_HIT;
     double inverse = hyi_rounded_double(1.0 / sum);
     weights[0] = (float)(b * inverse);
     weights[1] = (float)(c * inverse);
-    return (float)hyi_rounded_double(t * aim->unit);
+    return t;
 }
 
 /* Ties of equal t go to the smaller instance, then the smaller primitive; t_max itself counts as a hit. */

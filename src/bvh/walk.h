@@ -1,7 +1,7 @@
-/* >>bvh-walk: one ray's way through the trees: its stack, its levels and its best hit
+/* >>bvh-walk: what rays can meet, one ray on its way through a tree, and who decides on a triangle
 
-   What differs between instruction sets is how eight boxes and up to eight triangles are tested; all else
-   is here. */
+   How eight boxes, up to eight triangles or a packet of rays are tested differs between instruction sets;
+   all else is here. */
 #ifndef HYI_BVH_WALK_H
 #define HYI_BVH_WALK_H
 
@@ -22,65 +22,52 @@ typedef struct hyi_accel {
     bool empty;
     const hyi_bvh *shapes;         /* over the RECT, DISC and SPHERE lights; NULL: none */
     const uint32_t *shape_lights;  /* light of each box in shapes */
-    hydra_isa isa;                 /* SCALAR, AVX2 or NEON, never AUTO */
+    hydra_isa isa;                 /* never AUTO */
 } hyi_accel;
 
-/* Constant in each instantiation. */
-#define HYI_WALK_ANY 0x1u      /* stops at the first hit */
-#define HYI_WALK_ALPHA 0x2u    /* asks hyk_hit_is_opaque on meshes that have alpha */
-#define HYI_WALK_LEVELS 0x4u   /* goes through instances */
+/* A tree and whose it is. */
+typedef struct hyi_site {
+    const hyi_accel *accel;
+    const hyi_bvh *bvh;
+    uint32_t instance;
+    bool asks_alpha; /* whether hyk_hit_is_opaque must be asked here */
+} hyi_site;
 
-/* Seven children wait on each level of each of the two trees, and one marks the way back up. */
-#define HYI_STACK (2u * (7u * HYI_TREE_DEPTH + 8u))
-#define HYI_WALK_ENDED HYI_CHILD_NONE
-#define HYI_WALK_UP 0x7ffffffeu
+/* A ray on its way through one tree. */
+typedef struct hyi_flight {
+    hyi_aim aim;
+    hyi_best best;
+    float t_min;
+    const hyk_ray *ray; /* in world space */
+} hyi_flight;
+
+/* A ray that may lie in memory as another type of the same layout. */
+HYI_INLINE hyk_ray hyi_load_ray(const hyk_ray *at) {
+    hyk_ray ray;
+    memcpy(&ray, at, sizeof ray);
+    return ray;
+}
+
+/* Whether origin, direction and t_min are finite, the direction is not zero, and t_max, which may be infinite, is not
+   below t_min. Bits are looked at, which fast-math leaves alone. */
+HYI_INLINE bool hyi_ray_is_sound(const hyk_ray *ray) {
+    uint32_t bits[8], infinite = 0, direction = 0;
+    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
+    for (int i = 0; i < 7; i++) infinite |= (bits[i] & 0x7f800000u) == 0x7f800000u ? 1u : 0u;
+    for (int i = 4; i < 7; i++) direction |= bits[i] & 0x7fffffffu;
+    return !infinite && direction && (bits[7] & 0x7fffffffu) <= 0x7f800000u && ray->t_max >= ray->t_min;
+}
+HYI_STATIC_ASSERT(sizeof(hyk_ray) == 32 && offsetof(hyk_ray, t_min) == 12 && offsetof(hyk_ray, t_max) == 28);
+
+/* ---- the children of a node that a single ray still has to visit */
+
+/* Seven wait on each level. */
+#define HYI_STACK (7u * HYI_TREE_DEPTH + 8u)
 
 typedef struct hyi_waiting {
     uint32_t child;
     float t;
 } hyi_waiting;
-
-typedef struct hyi_walk {
-    hyi_aim aim;
-    uint32_t at;        /* the child to visit next */
-    uint32_t waiting;   /* fill of the stack */
-    const hyi_bvh *bvh; /* the tree that at belongs to */
-    uint32_t instance;
-    bool upper;         /* bvh is the tree over instances */
-    bool asks_alpha;
-    hyi_best best;
-    const hyi_accel *accel;
-    const hyk_ray *ray;
-    hyi_aim upper_aim;  /* kept while below */
-    hyi_waiting stack[HYI_STACK];
-} hyi_walk;
-
-/* upper_aim is set before a way up is marked; gcc cannot see that, and warns. */
-#if HYI_GNU && !defined(__clang__)
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
-#endif
-
-/* Takes the next child worth visiting off the stack. */
-HYI_INLINE void hyi_walk_pop(hyi_walk *walk) {
-    while (walk->waiting > 0) {
-        const hyi_waiting *top = &walk->stack[--walk->waiting];
-        if (top->child == HYI_WALK_UP) {
-            walk->aim = walk->upper_aim;
-            walk->bvh = walk->accel->instances;
-            walk->upper = true;
-            hyi_aim_limit(&walk->aim, walk->best.t);
-        } else if (top->t <= walk->aim.t_far) {
-            walk->at = top->child;
-            return;
-        }
-    }
-    walk->at = HYI_WALK_ENDED;
-}
-
-#if HYI_GNU && !defined(__clang__)
-#pragma GCC diagnostic pop
-#endif
 
 /* Of child first and those in mask (not empty), returns the nearest and puts the others on the stack, the
    nearer the higher. */
@@ -107,27 +94,11 @@ HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child,
     return nearest.child;
 }
 
-/* Goes to the nearest of the children in mask. */
-HYI_INLINE void hyi_walk_descend(hyi_walk *walk, const uint32_t *child, const float *t, uint32_t mask) {
-    uint32_t first = hyi_lowest_bit(mask);
-    hyi_waiting *top = walk->stack + walk->waiting;
-    mask &= mask - 1u;
-    walk->at = mask ? hyi_push_farther(&top, child, t, first, mask) : child[first];
-    walk->waiting = (uint32_t)(top - walk->stack);
-}
+/* ---- triangles */
 
-HYI_INLINE const float *hyi_leaf_rows(const hyi_walk *walk) {
-    return walk->bvh->rows + 9u * (size_t)hyi_leaf_first(walk->at);
-}
+HYI_INLINE const float *hyi_leaf_rows(const hyi_bvh *bvh, uint32_t leaf) { return bvh->rows + 9u * (size_t)hyi_leaf_first(leaf); }
 
-/* Ends a walk for any hit. */
-HYI_INLINE void hyi_walk_stop(hyi_walk *walk) {
-    walk->waiting = 0;
-    walk->at = HYI_WALK_ENDED;
-}
-
-/* The triangles of the world are numbered through: which instance a number belongs to, and its number there. While a ray
-   is under way a hit on the world has instance 0; numbers of the world keep the order of (instance, primitive). */
+/* In the world, the number of a triangle tells whose it is. */
 HYI_INLINE void hyi_locate_in_world(const hyi_accel *accel, uint32_t *instance, uint32_t *primitive) {
     if (!accel->world || *instance != 0) return;
     uint32_t low = 0, high = accel->world_count;
@@ -140,43 +111,72 @@ HYI_INLINE void hyi_locate_in_world(const hyi_accel *accel, uint32_t *instance, 
     *primitive -= accel->world_first[low];
 }
 
-HYI_INLINE bool hyi_walk_lets_pass(const hyi_walk *walk, uint32_t primitive, const float weights[2]) {
-    uint32_t instance = walk->instance;
-    hyi_locate_in_world(walk->accel, &instance, &primitive);
-    return !hyk_hit_is_opaque(walk->accel->view, instance, primitive, weights[0], weights[1], *walk->ray);
+HYI_NOINLINE bool hyi_lets_pass(const hyi_site *site, const hyk_ray *ray, uint32_t primitive, float u, float v) {
+    uint32_t instance = site->instance;
+    hyi_locate_in_world(site->accel, &instance, &primitive);
+    return !hyk_hit_is_opaque(site->accel->view, instance, primitive, u, v, hyi_load_ray(ray));
 }
 
-/* Decides on one triangle of the leaf that at names. Returns whether it is the new best. */
-HYI_INLINE bool hyi_walk_offer(hyi_walk *walk, uint32_t lane, uint32_t flags) {
+/* Decides on one triangle of a leaf. Returns whether it is the new best. */
+HYI_INLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
     float weights[2] = {0.0f, 0.0f};
-    float t = hyi_confirm(&walk->aim, hyi_leaf_rows(walk), hyi_leaf_count(walk->at), lane, weights);
-    if (!(t >= walk->ray->t_min && t <= walk->best.t)) return false;
-    uint32_t primitive = walk->bvh->ids[hyi_leaf_first(walk->at) + lane];
-    if (!hyi_beats(&walk->best, t, walk->instance, primitive)) return false;
-    if ((flags & HYI_WALK_ALPHA) && walk->asks_alpha && hyi_walk_lets_pass(walk, primitive, weights)) return false;
-    walk->best.t = t;
-    walk->best.u = weights[0];
-    walk->best.v = weights[1];
-    walk->best.instance = walk->instance;
-    walk->best.primitive = primitive;
-    hyi_aim_limit(&walk->aim, t);
+    float t = hyi_confirm(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), lane, flight->t_min, flight->best.t, weights);
+    if (t == HYI_NO_HIT) return false;
+    uint32_t primitive = site->bvh->ids[hyi_leaf_first(leaf) + lane];
+    if (!hyi_beats(&flight->best, t, site->instance, primitive)) return false;
+    if (site->asks_alpha && hyi_lets_pass(site, flight->ray, primitive, weights[0], weights[1])) return false;
+    flight->best.t = t;
+    flight->best.u = weights[0];
+    flight->best.v = weights[1];
+    flight->best.instance = site->instance;
+    flight->best.primitive = primitive;
+    hyi_aim_limit(&flight->aim, t);
     return true;
 }
 
-/* Offers the triangles of mask, all of them or until one stops the ray. Returns whether one was a hit. */
-HYI_INLINE bool hyi_walk_offer_all(hyi_walk *walk, uint32_t mask, uint32_t flags) {
-    bool found = false;
-    for (; mask; mask &= mask - 1u) {
-        if (hyi_walk_offer(walk, hyi_lowest_bit(mask), flags)) found = true;
-        if (found && (flags & HYI_WALK_ANY)) break;
-    }
-    return found;
+/* Makes every box and triangle lie beyond a ray that is done. */
+HYI_INLINE void hyi_flight_stop(hyi_flight *flight) { flight->aim.t_far = -FLT_MAX; }
+
+/* ---- beginning and answering */
+
+/* Limits end short of HYI_NO_HIT. */
+#define HYI_T_LIMIT 3.0e38f
+HYI_INLINE float hyi_finite_limit(float t_max) { return t_max < HYI_T_LIMIT ? t_max : HYI_T_LIMIT; }
+
+/* Sets a ray on its way through one tree, looking no farther than its t_max and limit; false: it meets nothing there, as
+   an unsound ray does. */
+HYI_INLINE bool hyi_flight_begin(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *at, float limit) {
+    hyk_ray ray = hyi_load_ray(at);
+    float origin[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
+    float direction[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
+    flight->ray = at;
+    flight->t_min = ray.t_min;
+    flight->best.t = hyi_finite_limit(ray.t_max < limit ? ray.t_max : limit);
+    flight->best.u = flight->best.v = 0.0f;
+    flight->best.instance = flight->best.primitive = HYK_NONE;
+    if (bvh->primitive_count == 0 || !hyi_ray_is_sound(&ray) || !(ray.t_min <= flight->best.t)) return false;
+    return hyi_aim_at(&flight->aim, bvh, origin, direction, ray.t_min, flight->best.t, bvh->rows == NULL);
 }
 
-/* Offers the triangles of mask, then goes on. */
-HYI_INLINE void hyi_walk_leaf(hyi_walk *walk, uint32_t mask, uint32_t flags) {
-    if (hyi_walk_offer_all(walk, mask, flags) && (flags & HYI_WALK_ANY)) hyi_walk_stop(walk);
-    else hyi_walk_pop(walk);
+/* Where all rays of the scene begin: the world alone, or one unmoved mesh, has no level above it. */
+HYI_INLINE hyi_site hyi_first_site(const hyi_accel *accel) {
+    uint32_t mesh = accel->single && !accel->world ? accel->view->instances[0].mesh : 0u;
+    hyi_site site;
+    site.accel = accel;
+    site.bvh = !accel->single ? accel->instances : accel->world ? accel->world : &accel->meshes[mesh];
+    site.instance = 0;
+    site.asks_alpha = accel->single && (accel->world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh]);
+    return site;
+}
+
+HYI_INLINE void hyi_answer(const hyi_accel *accel, const hyi_best *best, hyk_hit *hit) {
+    bool found = best->instance != HYK_NONE;
+    hit->t = found ? best->t : -1.0f;
+    hit->u = best->u;
+    hit->v = best->v;
+    hit->instance = best->instance;
+    hit->primitive = best->primitive;
+    hyi_locate_in_world(accel, &hit->instance, &hit->primitive);
 }
 
 /* ---- levels */
@@ -185,18 +185,25 @@ HYI_INLINE float hyi_transform_row(hyk_vec3 row, float offset, const float *p) {
     return row.x * p[0] + row.y * p[1] + row.z * p[2] + offset;
 }
 
-/* Turns to the mesh of an instance, or to the world; the way back up is marked on the stack. The direction is not
-   renormalised: t means the same below. One copy for all instruction sets: it rounds. */
-HYI_NOINLINE void hyi_walk_enter(hyi_walk *walk) {
-    const hyi_accel *accel = walk->accel;
-    uint32_t item = walk->bvh->ids[hyi_leaf_first(walk->at)];
+/* What box item of the tree over instances stands for. */
+HYI_FN hyi_site hyi_site_of_item(const hyi_accel *accel, uint32_t item) {
     bool world = accel->world && item == 0;
-    uint32_t index = accel->world && item > 0 ? accel->world_count + item - 1 : item;
-    const hyk_instance *placed = &accel->view->instances[index];
-    const hyi_bvh *mesh = world ? accel->world : &accel->meshes[placed->mesh];
-    const hyk_ray *ray = walk->ray;
-    float origin[3] = {ray->origin.x, ray->origin.y, ray->origin.z};
-    float direction[3] = {ray->direction.x, ray->direction.y, ray->direction.z};
+    hyi_site site;
+    site.accel = accel;
+    site.instance = accel->world && item > 0 ? accel->world_count + item - 1 : item;
+    uint32_t mesh = accel->view->instances[site.instance].mesh;
+    site.bvh = world ? accel->world : &accel->meshes[mesh];
+    site.asks_alpha = world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh];
+    return site;
+}
+
+/* A ray from the tree over instances in the tree of one of them; false: it meets nothing there. The direction is not
+   renormalised: t means the same below. One copy for all instruction sets: it rounds. */
+HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, const hyi_site *site) {
+    const hyk_instance *placed = &site->accel->view->instances[site->instance];
+    hyk_ray ray = hyi_load_ray(above->ray);
+    float origin[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
+    float direction[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
     if (!(placed->flags & HYK_INSTANCE_IDENTITY)) {
         float o[3] = {origin[0], origin[1], origin[2]}, d[3] = {direction[0], direction[1], direction[2]};
         origin[0] = hyi_transform_row(placed->inverse0, placed->s0, o);
@@ -206,61 +213,26 @@ HYI_NOINLINE void hyi_walk_enter(hyi_walk *walk) {
         direction[1] = hyi_transform_row(placed->inverse1, 0.0f, d);
         direction[2] = hyi_transform_row(placed->inverse2, 0.0f, d);
     }
-    hyi_aim aim;
-    if (mesh->primitive_count == 0 || !hyi_aim_at(&aim, mesh, origin, direction, ray->t_min, walk->best.t, false)) {
-        hyi_walk_pop(walk);
-        return;
-    }
-    walk->upper_aim = walk->aim;
-    walk->aim = aim;
-    walk->bvh = mesh;
-    walk->upper = false;
-    walk->instance = index;
-    walk->asks_alpha = world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[placed->mesh];
-    walk->at = mesh->root;
-    walk->stack[walk->waiting].child = HYI_WALK_UP;
-    walk->stack[walk->waiting++].t = 0.0f;
+    below->ray = above->ray;
+    below->t_min = above->t_min;
+    below->best = above->best;
+    return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, above->best.t, false);
 }
 
-/* Limits end short of HYI_NO_HIT. */
-#define HYI_T_LIMIT 3.0e38f
-HYI_INLINE float hyi_finite_limit(float t_max) { return t_max < HYI_T_LIMIT ? t_max : HYI_T_LIMIT; }
-
-/* Sets a ray on its way through one tree, looking no farther than limit. */
-HYI_NOINLINE void hyi_walk_begin_tree(hyi_walk *walk, const hyi_accel *accel, const hyi_bvh *bvh, const hyk_ray *ray, float limit) {
-    float origin[3] = {ray->origin.x, ray->origin.y, ray->origin.z};
-    float direction[3] = {ray->direction.x, ray->direction.y, ray->direction.z};
-    walk->accel = accel;
-    walk->ray = ray;
-    walk->waiting = 0;
-    walk->instance = 0;
-    walk->bvh = bvh;
-    walk->upper = bvh->rows == NULL;
-    walk->asks_alpha = false;
-    walk->best.t = limit;
-    walk->best.u = walk->best.v = 0.0f;
-    walk->best.instance = walk->best.primitive = HYK_NONE;
-    walk->at = HYI_WALK_ENDED;
-    if (bvh->primitive_count == 0 || !(ray->t_min <= limit)) return;
-    if (hyi_aim_at(&walk->aim, bvh, origin, direction, ray->t_min, limit, walk->upper)) walk->at = bvh->root;
+/* Takes what was found below; returns whether there was something new. */
+HYI_INLINE bool hyi_flight_return(hyi_flight *above, const hyi_flight *below) {
+    bool found = below->best.t != above->best.t || below->best.primitive != above->best.primitive || below->best.instance != above->best.instance;
+    above->best = below->best;
+    if (found) hyi_aim_limit(&above->aim, above->best.t);
+    return found;
 }
 
-/* Sets a ray on its way through the scene. The world alone, or one unmoved mesh, has no upper tree. */
-HYI_INLINE void hyi_walk_begin(hyi_walk *walk, const hyi_accel *accel, const hyk_ray *ray) {
-    uint32_t mesh = accel->single ? accel->view->instances[0].mesh : 0u;
-    const hyi_bvh *bvh = !accel->single ? accel->instances : accel->world ? accel->world : &accel->meshes[mesh];
-    hyi_walk_begin_tree(walk, accel, bvh, ray, hyi_finite_limit(ray->t_max));
-    if (accel->single) walk->asks_alpha = accel->world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh];
-}
+/* What a walk through a tree of boxes calls for each box that the ray meets; true: stop. */
+typedef bool (*hyi_box_visit)(void *argument, hyi_flight *flight, uint32_t item);
 
-HYI_INLINE void hyi_walk_answer(const hyi_walk *walk, hyk_hit *hit) {
-    bool found = walk->best.instance != HYK_NONE;
-    hit->t = found ? walk->best.t : -1.0f;
-    hit->u = walk->best.u;
-    hit->v = walk->best.v;
-    hit->instance = walk->best.instance;
-    hit->primitive = walk->best.primitive;
-    hyi_locate_in_world(walk->accel, &hit->instance, &hit->primitive);
-}
+typedef struct hyi_visit_of {
+    const hyi_accel *accel;
+    bool any;
+} hyi_visit_of;
 
 #endif /* HYI_BVH_WALK_H */

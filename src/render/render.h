@@ -117,8 +117,10 @@ HYI_FN uint32_t hyi_wants_of(const hyi_film *film) {
 HYI_FN size_t hyi_schedule_bytes(const hyi_film *film, bool adaptive) {
     return 2 * hyi_film_tile_count(film) * sizeof(uint32_t) + (adaptive ? hyi_film_pixel_count(film) * sizeof(float) : 0);
 }
-HYI_FN size_t hyi_worker_bytes(const hyi_film *film) {
-    return (size_t)film->tile_pixels * HYI_CHUNK_SAMPLES * HYI_LANE_BYTES + sizeof(hyi_batch) + sizeof(double);
+HYI_FN size_t hyi_worker_bytes(const hyi_accel *accel, const hyi_film *film) {
+    size_t lanes = (size_t)film->tile_pixels * HYI_CHUNK_SAMPLES;
+    hyi_ray_stream stream = hyi_plan_ray_stream(accel, lanes);
+    return lanes * HYI_LANE_BYTES + hyi_ray_stream_bytes(&stream) + sizeof(hyi_batch) + sizeof(double);
 }
 
 /* ---- creation */
@@ -159,7 +161,7 @@ HYI_FN hydra_result hyi_workers_alloc(hydra_render *r) {
     r->workers = count;
     HYI_TRY(hyi_alloc_array(r->context, &r->accumulate, count));
     memset(r->accumulate, 0, count * sizeof *r->accumulate);
-    for (uint32_t i = 0; i < count; i++) HYI_TRY(hyi_batch_alloc(r->context, r->film.tile_pixels * HYI_CHUNK_SAMPLES, &r->batches[i]));
+    for (uint32_t i = 0; i < count; i++) HYI_TRY(hyi_batch_alloc(r->context, &r->scene->accel, r->film.tile_pixels * HYI_CHUNK_SAMPLES, &r->batches[i]));
     return HYDRA_OK;
 }
 

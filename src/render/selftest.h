@@ -184,8 +184,8 @@ HYI_FN hydra_result hyi_selftest_watertight(hyi_selftest *t) {
         rays[0].direction = hyk_make3(a[0], a[1], a[2]);
         rays[1].direction = hyk_scale(hyk_add(rays[0].direction, hyk_make3(b[0], b[1], b[2])), 0.5f);
         rays[0].t_max = rays[1].t_max = FLT_MAX;
-        hyi_trace_closest(&t->scene->accel, rays, hits, 2);
-        hyi_trace_closest(&scalar, rays, plain, 2);
+        hyi_trace_closest(&t->scene->accel, NULL, rays, hits, 2);
+        hyi_trace_closest(&scalar, NULL, rays, plain, 2);
         for (int k = 0; k < 2; k++) {
             if (hits[k].instance == HYK_NONE) return hyi_selftest_wrong(t, "a ray through an edge of the sphere: hits", 0.0, 1.0);
             if (memcmp(&hits[k], &plain[k], sizeof hits[k])) return hyi_selftest_wrong(t, "SIMD traversal: distance", (double)hits[k].t, (double)plain[k].t);

@@ -12,6 +12,13 @@
 
 HYI_FN bool hyi_in_world(const hyi_mesh_slot *mesh) { return mesh->alive && !mesh->instanced_only && !mesh->dynamic; }
 
+/* FAST only if all its meshes are. */
+HYI_FN hydra_build hyi_world_build(const hydra_scene *scene) {
+    for (size_t i = 0; i < scene->mesh_count; i++)
+        if (hyi_in_world(&scene->meshes[i]) && scene->meshes[i].build != HYDRA_BUILD_FAST) return HYDRA_BUILD_BEST;
+    return HYDRA_BUILD_FAST;
+}
+
 /* Marks the meshes that need a tree of their own. */
 HYI_FN hydra_result hyi_mark_own_trees(hydra_scene *scene, uint8_t **marks) {
     HYI_TRY(hyi_alloc_array(scene->context, marks, scene->mesh_count));
@@ -29,7 +36,7 @@ HYI_FN hydra_result hyi_build_own_trees(hydra_scene *scene) {
     for (size_t i = 0; i < scene->mesh_count && result == HYDRA_OK; i++) {
         hyi_mesh_slot *mesh = &scene->meshes[i];
         if (!marks[i] || mesh->built) continue;
-        result = hyi_bvh_build_triangles(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, &mesh->bvh);
+        result = hyi_bvh_build_triangles(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, mesh->build, &mesh->bvh);
         mesh->built = result == HYDRA_OK;
         scene->info.meshes_built++;
     }
@@ -64,7 +71,7 @@ HYI_FN hydra_result hyi_build_joined_world(hydra_scene *scene, hyi_world_arrays 
     hydra_result result = hyi_alloc_array(context, &w->indices, 3 * w->triangles);
     if (result == HYDRA_OK) {
         hyi_fill_world(scene, w);
-        result = hyi_bvh_build_triangles(context, w->positions, w->indices, (uint32_t)w->triangles, &scene->world);
+        result = hyi_bvh_build_triangles(context, w->positions, w->indices, (uint32_t)w->triangles, hyi_world_build(scene), &scene->world);
     }
     hyi_free_array(context, &w->positions, 3 * w->vertices);
     hyi_free_array(context, &w->indices, 3 * w->triangles);
@@ -93,7 +100,7 @@ HYI_FN hydra_result hyi_build_world(hydra_scene *scene) {
         w.vertices += only->vertex_count;
         w.triangles += only->triangle_count;
     }
-    if (count == 1) HYI_TRY(hyi_bvh_build_triangles(scene->context, only->positions, only->indices, only->triangle_count, &scene->world));
+    if (count == 1) HYI_TRY(hyi_bvh_build_triangles(scene->context, only->positions, only->indices, only->triangle_count, hyi_world_build(scene), &scene->world));
     if (count > 1) HYI_TRY(hyi_build_joined_world(scene, &w));
     for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = hyi_in_world(&scene->meshes[i]);
     scene->world_stale = false;

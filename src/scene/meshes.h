@@ -69,6 +69,7 @@ HYI_FN hydra_result hyi_take_mesh_parts(hydra_scene *scene, const hydra_mesh_des
     if (desc->positions.count == 0 || desc->positions.count > 0xfffffff0u)
         return hyi_fail(context, HYDRA_ERROR_COUNT, "%zu positions", desc->positions.count);
     HYI_TRY(hyi_check_material_handle(scene, desc->material, "mesh.material"));
+    HYI_TRY(hyi_check_enum(context, (int)desc->build, HYDRA_BUILD_BEST + 1, "mesh.build"));
     HYI_TRY(hyi_copy_floats(context, desc->positions, 3, &mesh->positions, "positions"));
     mesh->vertex_count = (uint32_t)desc->positions.count;
     HYI_TRY(hyi_take_attribute(context, desc->normals, 3, mesh->vertex_count, &mesh->normals, "normals"));
@@ -78,6 +79,7 @@ HYI_FN hydra_result hyi_take_mesh_parts(hydra_scene *scene, const hydra_mesh_des
     mesh->material = desc->material.id;
     mesh->instanced_only = desc->instanced_only;
     mesh->dynamic = desc->dynamic;
+    mesh->build = desc->build != HYDRA_BUILD_AUTO ? desc->build : desc->dynamic ? HYDRA_BUILD_FAST : HYDRA_BUILD_BEST;
     mesh->alive = true;
     return HYDRA_OK;
 }

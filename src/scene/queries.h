@@ -6,63 +6,86 @@
 #include "../../shaders/shared/surface.h"
 #include "commit.h"
 
-#define HYI_QUERY_BATCH 256
+#define HYI_QUERY_BATCH 256u /* rays a time without memory of the context's */
 
 HYI_STATIC_ASSERT(sizeof(hydra_ray) == sizeof(hyk_ray) && offsetof(hydra_ray, t_max) == offsetof(hyk_ray, t_max));
 
-HYI_FN bool hyi_ray_is_sound(const hydra_ray *ray) {
-    bool t_max_is_number = ray->t_max >= ray->t_min; /* infinity is allowed, NaN compares false */
-    return hyi_all_finite(ray->origin, 3) && hyi_all_finite(ray->direction, 3) && !hyi_all_zero(ray->direction, 3) && hyi_is_finite(ray->t_min) &&
-           t_max_is_number;
+/* ---- answers */
+
+HYI_FN void hyi_shape_hit(const hydra_scene *scene, const hyk_hit *hit, const hydra_ray *at, hydra_hit *out) {
+    hyk_vec3 origin = hyk_make3(at->origin[0], at->origin[1], at->origin[2]), direction = hyk_make3(at->direction[0], at->direction[1], at->direction[2]);
+    hyk_vec3 n = hyk_shape_normal(scene->view.lights[hit->primitive], hyk_add_scaled(origin, direction, hit->t));
+    out->primitive = HYDRA_NONE;
+    out->mesh = out->instance = 0;
+    out->light = scene->light_ids[hit->primitive];
+    out->normal[0] = n.x;
+    out->normal[1] = n.y;
+    out->normal[2] = n.z;
 }
 
-/* A batch of the caller's rays as kernels want them; an unsound ray becomes one that meets nothing. */
-HYI_FN bool hyi_take_rays(const hydra_ray *rays, hyk_ray *taken, uint32_t count) {
-    bool sound = true;
-    memcpy(taken, rays, count * sizeof *taken);
-    for (uint32_t i = 0; i < count; i++) {
-        if (!(taken[i].t_max < FLT_MAX)) taken[i].t_max = FLT_MAX;
-        if (hyi_ray_is_sound(&rays[i])) continue;
-        sound = false;
-        memset(&taken[i], 0, sizeof taken[i]);
-        taken[i].direction.z = 1.0f;
-        taken[i].t_min = FLT_MAX;
-        taken[i].t_max = -FLT_MAX;
+/* Squares of products of floats stay in double's range, so nothing has to be scaled. */
+HYI_INLINE void hyi_unit_normal(const float *a, const float *b, const float *c, float normal[3]) {
+    double e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        e[i] = (double)b[i] - (double)a[i];
+        f[i] = (double)c[i] - (double)a[i];
     }
-    return sound;
+    double x = e[1] * f[2] - e[2] * f[1], y = e[2] * f[0] - e[0] * f[2], z = e[0] * f[1] - e[1] * f[0];
+    double inverse = 1.0 / sqrt(x * x + y * y + z * z);
+    normal[0] = (float)(x * inverse);
+    normal[1] = (float)(y * inverse);
+    normal[2] = (float)(z * inverse);
 }
 
-HYI_FN hyk_vec3 hyi_hit_normal(const hydra_scene *scene, const hyk_hit *hit, const hyk_ray *ray) {
-    const hyk_scene_view *view = &scene->view;
-    if (hit->instance == HYK_HIT_SHAPE) return hyk_shape_normal(view->lights[hit->primitive], hyk_add_scaled(ray->origin, ray->direction, hit->t));
-    const hyk_instance *placed = &view->instances[hit->instance];
-    hyk_corners corners = hyk_load_corners(view, placed->mesh, *hit);
-    hyk_vec3 n = hyk_face_normal(corners.edge1, corners.edge2);
-    return (placed->flags & HYK_INSTANCE_IDENTITY) ? n : hyk_normalize(hyk_transform_normal(*placed, n));
+HYI_INLINE void hyi_surface_hit(const hydra_scene *scene, const hyk_hit *hit, hydra_hit *out) {
+    const hyk_instance *placed = &scene->placed[hit->instance];
+    const hyk_mesh_arrays *arrays = &scene->view_arrays[placed->mesh];
+    const uint32_t *index = arrays->indices + 3u * (size_t)hit->primitive;
+    hyi_unit_normal(arrays->positions + 3u * (size_t)index[0], arrays->positions + 3u * (size_t)index[1], arrays->positions + 3u * (size_t)index[2], out->normal);
+    out->primitive = hit->primitive;
+    out->mesh = placed->mesh + 1;
+    out->instance = scene->placed_ids[hit->instance];
+    out->light = 0;
+    if (placed->flags & HYK_INSTANCE_IDENTITY) return;
+    hyk_vec3 n = hyk_normalize(hyk_transform_normal(*placed, hyk_make3(out->normal[0], out->normal[1], out->normal[2])));
+    out->normal[0] = n.x;
+    out->normal[1] = n.y;
+    out->normal[2] = n.z;
 }
 
-HYI_FN hydra_hit hyi_public_hit(const hydra_scene *scene, const hyk_hit *hit, const hyk_ray *ray) {
-    hydra_hit out;
-    memset(&out, 0, sizeof out);
-    out.t = -1.0f;
-    out.primitive = HYDRA_NONE;
-    if (hit->instance == HYK_NONE) return out;
-    hyk_vec3 n = hyi_hit_normal(scene, hit, ray);
-    out.t = hit->t;
-    out.normal[0] = n.x;
-    out.normal[1] = n.y;
-    out.normal[2] = n.z;
+HYI_INLINE void hyi_public_hit(const hydra_scene *scene, const hyk_hit *hit, const hydra_ray *ray, hydra_hit *out) {
+    out->t = hit->t;
+    out->u = hit->u;
+    out->v = hit->v;
     if (hit->instance == HYK_HIT_SHAPE) {
-        out.light = scene->light_ids[hit->primitive];
-        return out;
+        hyi_shape_hit(scene, hit, ray, out);
+    } else if (hit->instance != HYK_NONE) {
+        hyi_surface_hit(scene, hit, out);
+    } else {
+        out->primitive = HYDRA_NONE;
+        out->mesh = out->instance = out->light = 0;
+        out->normal[0] = out->normal[1] = out->normal[2] = 0.0f;
     }
-    out.u = hit->u;
-    out.v = hit->v;
-    out.primitive = hit->primitive;
-    out.mesh = scene->placed[hit->instance].mesh + 1;
-    out.instance = scene->placed_ids[hit->instance];
-    return out;
 }
+
+/* Asks for the corners of a hit triangle, or first for the numbers of its corners. */
+HYI_INLINE void hyi_prefetch_hit(const hydra_scene *scene, const hyk_hit *hit, bool corners) {
+    if (hit->instance == HYK_NONE || hit->instance == HYK_HIT_SHAPE) return;
+    const hyk_mesh_arrays *arrays = &scene->view_arrays[scene->placed[hit->instance].mesh];
+    const uint32_t *index = arrays->indices + 3u * (size_t)hit->primitive;
+    if (!corners) hyi_prefetch(index);
+    for (int i = 0; corners && i < 3; i++) hyi_prefetch(arrays->positions + 3u * (size_t)index[i]);
+}
+
+HYI_FN void hyi_tell_hits(const hydra_scene *scene, const hyk_hit *found, const hydra_ray *rays, hydra_hit *hits, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 16u < count) hyi_prefetch_hit(scene, &found[i + 16u], false);
+        if (i + 8u < count) hyi_prefetch_hit(scene, &found[i + 8u], true);
+        hyi_public_hit(scene, &found[i], &rays[i], &hits[i]);
+    }
+}
+
+/* ---- the calls */
 
 /* These do not write the context's error text, since many threads may call them. */
 HYI_FN hydra_result hyi_check_query(const hydra_scene *scene, const void *rays, const void *answers, size_t count) {
@@ -70,32 +93,71 @@ HYI_FN hydra_result hyi_check_query(const hydra_scene *scene, const void *rays, 
     return scene->dirty ? HYDRA_ERROR_NOT_COMMITTED : HYDRA_OK;
 }
 
+/* One query: its memory, and how many rays it goes through at a time. */
+typedef struct hyi_query {
+    const hydra_scene *scene;
+    hyi_ray_stream stream;
+    hyk_hit *found;
+    size_t batch, found_count;
+} hyi_query;
+
+HYI_FN void hyi_query_end(hyi_query *query) {
+    hyi_ray_stream_free(query->scene->context, &query->stream);
+    hyi_free_array(query->scene->context, &query->found, query->found_count);
+}
+
+/* Without the memory for it, rays go one by one. */
+HYI_FN hyi_query hyi_query_begin(const hydra_scene *scene, size_t count, bool any) {
+    hyi_query query;
+    memset(&query, 0, sizeof query);
+    query.scene = scene;
+    query.batch = HYI_QUERY_BATCH;
+    if (count < HYI_STREAM_LEAST || hyi_ray_stream_alloc(scene->context, &scene->accel, count, &query.stream) != HYDRA_OK) return query;
+    query.batch = count < HYI_STREAM_SORTED ? count : HYI_STREAM_SORTED;
+    if (any || query.stream.capacity == 0) return query;
+    if (hyi_alloc_array(scene->context, &query.found, query.batch) == HYDRA_OK) query.found_count = query.batch;
+    else query.batch = HYI_QUERY_BATCH;
+    return query;
+}
+
+HYI_FN bool hyi_query_closest(hyi_query *query, const hydra_ray *rays, hydra_hit *hits, uint32_t count) {
+    const hydra_scene *scene = query->scene;
+    const hyk_ray *at = (const hyk_ray *)(const void *)rays;
+    hyk_hit here[HYI_QUERY_BATCH], *found = query->found ? query->found : here;
+    bool sound = hyi_trace_closest(&scene->accel, &query->stream, at, found, count);
+    if (scene->accel.shapes) hyi_trace_shapes_closest(&scene->accel, at, found, count, false);
+    hyi_tell_hits(scene, found, rays, hits, count);
+    return sound;
+}
+
+HYI_FN bool hyi_query_any(hyi_query *query, const hydra_ray *rays, uint8_t *occluded, uint32_t count) {
+    const hyk_ray *at = (const hyk_ray *)(const void *)rays;
+    bool sound = hyi_trace_any(&query->scene->accel, &query->stream, at, occluded, count);
+    if (query->scene->accel.shapes) hyi_trace_shapes_any(&query->scene->accel, at, occluded, count);
+    return sound;
+}
+
+/* hits, or else occluded. */
+HYI_FN hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
+    hyi_query query = hyi_query_begin(scene, count, hits == NULL);
+    bool sound = true;
+    for (size_t first = 0; first < count; first += query.batch) {
+        uint32_t n = count - first < query.batch ? (uint32_t)(count - first) : (uint32_t)query.batch;
+        if (hits) sound = hyi_query_closest(&query, rays + first, hits + first, n) && sound;
+        else sound = hyi_query_any(&query, rays + first, occluded + first, n) && sound;
+    }
+    hyi_query_end(&query);
+    return sound ? HYDRA_OK : HYDRA_ERROR_RAY;
+}
+
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, hits, count));
-    hyk_ray batch[HYI_QUERY_BATCH];
-    hyk_hit found[HYI_QUERY_BATCH];
-    bool sound = true;
-    for (size_t first = 0; first < count; first += HYI_QUERY_BATCH) {
-        uint32_t n = count - first < HYI_QUERY_BATCH ? (uint32_t)(count - first) : HYI_QUERY_BATCH;
-        sound = hyi_take_rays(rays + first, batch, n) && sound;
-        hyi_trace_closest(&scene->accel, batch, found, n);
-        if (scene->accel.shapes) hyi_trace_shapes_closest(&scene->accel, batch, found, n, false);
-        for (uint32_t i = 0; i < n; i++) hits[first + i] = hyi_public_hit(scene, &found[i], &batch[i]);
-    }
-    return sound ? HYDRA_OK : HYDRA_ERROR_RAY;
+    return hyi_query_all(scene, rays, hits, NULL, count);
 }
 
 HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydra_ray *rays, uint8_t *occluded, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, occluded, count));
-    hyk_ray batch[HYI_QUERY_BATCH];
-    bool sound = true;
-    for (size_t first = 0; first < count; first += HYI_QUERY_BATCH) {
-        uint32_t n = count - first < HYI_QUERY_BATCH ? (uint32_t)(count - first) : HYI_QUERY_BATCH;
-        sound = hyi_take_rays(rays + first, batch, n) && sound;
-        hyi_trace_any(&scene->accel, batch, occluded + first, n);
-        if (scene->accel.shapes) hyi_trace_shapes_any(&scene->accel, batch, occluded + first, n);
-    }
-    return sound ? HYDRA_OK : HYDRA_ERROR_RAY;
+    return hyi_query_all(scene, rays, NULL, occluded, count);
 }
 
 #endif /* HYI_QUERIES_H */

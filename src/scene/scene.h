@@ -18,6 +18,7 @@ typedef struct hyi_mesh_slot {
     bool alive, instanced_only, dynamic;
     bool built;    /* bvh is there: instances and dynamic meshes have one of their own */
     bool in_world; /* part of the scene's world tree as it stands */
+    hydra_build build; /* FAST or BEST */
     uint32_t material; /* id; 0: the grey that needs no desc */
     uint32_t vertex_count, triangle_count;
     float *positions, *normals, *uvs;

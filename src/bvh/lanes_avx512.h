@@ -1,0 +1,124 @@
+/* >>bvh-avx512: traversal in the words of AVX-512: sixteen rays a packet, lists dealt by compression */
+#ifndef HYI_BVH_AVX512_H
+#define HYI_BVH_AVX512_H
+
+#include "stream.h"
+
+#if HYI_X86
+
+/* The compiler's own intrinsics begin with undefined values, which it then warns of (GCC bug 105593). */
+#if HYI_GNU && !defined(__clang__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#pragma GCC diagnostic ignored "-Wuninitialized"
+#endif
+
+HYI_INLINE HYI_AVX512 __m512d hyi_pin_double_avx512(__m512d value) {
+#if HYI_GNU
+    __asm__("" : "+v"(value));
+#endif
+    return value;
+}
+
+HYI_INLINE HYI_AVX512 __m256 hyi_pin8_avx512(__m256 value) {
+#if HYI_GNU
+    __asm__("" : "+v"(value));
+#endif
+    return value;
+}
+
+HYI_INLINE HYI_AVX512 __m512 hyi_pin16_avx512(__m512 value) {
+#if HYI_GNU
+    __asm__("" : "+v"(value));
+#endif
+    return value;
+}
+
+typedef union hyi_masks16 {
+    uint8_t bytes[16];
+    __m128i lanes;
+} hyi_masks16;
+
+/* Appends sixteen items to the lists of the children that their masks name. */
+HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_masks16 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
+    __m512i all = _mm512_loadu_si512(items);
+    __m128i bits = masks->lanes;
+    for (int c = 7; c >= 0; c--) { /* the highest bit of each byte is the child's */
+        __mmask16 takes = _mm_movepi8_mask(bits);
+        bits = _mm_add_epi8(bits, bits);
+        _mm512_storeu_si512(lists + (size_t)(uint32_t)c * stride + dealt[c], _mm512_maskz_compress_epi32(takes, all));
+        dealt[c] += (uint32_t)_mm_popcnt_u32(takes);
+    }
+}
+
+#define HYI_TARGET HYI_AVX512
+#define HYI_I(name) name##_avx512
+#define HYI_F8 __m256
+#define HYI_M8 __mmask8
+#define HYI_LOAD8(p) _mm256_load_ps(p)
+#define HYI_LOADU8(p) _mm256_loadu_ps(p)
+#define HYI_STORE8(p, a) _mm256_storeu_ps(p, a)
+#define HYI_SET8(value) _mm256_set1_ps(value)
+#define HYI_ZERO8() _mm256_setzero_ps()
+#define HYI_SUB8(a, b) _mm256_sub_ps(a, b)
+#define HYI_MUL8(a, b) _mm256_mul_ps(a, b)
+#define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
+#define HYI_MIN8(a, b) _mm256_min_ps(a, b)
+#define HYI_MAX8(a, b) _mm256_max_ps(a, b)
+#define HYI_LT8(a, b) _mm256_cmp_ps_mask(a, b, _CMP_LT_OQ)
+#define HYI_LE8(a, b) _mm256_cmp_ps_mask(a, b, _CMP_LE_OQ)
+#define HYI_AND8(a, b) ((__mmask8)((a) & (b)))
+#define HYI_OR8(a, b) ((__mmask8)((a) | (b)))
+#define HYI_BITS8(m) ((uint32_t)(m))
+#define HYI_MIN8_WHERE(a, m, b) _mm256_mask_min_ps(a, m, a, b)
+#define HYI_PIN8(a) hyi_pin8_avx512(a)
+#define HYI_LANES 16u
+#define HYI_ALLW 0xffffu
+#define HYI_FW __m512
+#define HYI_MW __mmask16
+#define HYI_LOADW(p) _mm512_loadu_ps(p)
+#define HYI_SETW(value) _mm512_set1_ps(value)
+#define HYI_ZEROW() _mm512_setzero_ps()
+#define HYI_SUBW(a, b) _mm512_sub_ps(a, b)
+#define HYI_MULW(a, b) _mm512_mul_ps(a, b)
+#define HYI_MINW(a, b) _mm512_min_ps(a, b)
+#define HYI_MAXW(a, b) _mm512_max_ps(a, b)
+#define HYI_LTW(a, b) _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ)
+#define HYI_ANDW(a, b) ((__mmask16)((a) & (b)))
+#define HYI_ORW(a, b) ((__mmask16)((a) | (b)))
+#define HYI_BITSW(m) ((uint32_t)(m))
+#define HYI_PINW(a) hyi_pin16_avx512(a)
+#define HYI_GREATESTW(a) _mm512_reduce_max_ps(a)
+#define HYI_DEAL 16u
+#define HYI_MASKS hyi_masks16
+#define HYI_CLEAR_MASKS(masks) ((masks).lanes = _mm_setzero_si128())
+
+#define HYI_STOREW(p, a) _mm512_storeu_ps(p, a)
+#define HYI_ADDW(a, b) _mm512_add_ps(a, b)
+#define HYI_DIVW(a, b) _mm512_div_ps(a, b)
+#define HYI_LEW(a, b) _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ)
+#define HYI_LEASTW(a) _mm512_reduce_min_ps(a)
+#define HYI_FD __m512d
+#define HYI_SETD(value) _mm512_set1_pd(value)
+#define HYI_HALFD(a, half) _mm512_cvtps_pd((half) ? _mm512_extractf32x8_ps(a, 1) : _mm512_castps512_ps256(a))
+#define HYI_STORED(p, a) _mm512_storeu_pd(p, a)
+#define HYI_STOREH(p, half, a) _mm256_storeu_ps((p) + 8 * (half), _mm512_cvtpd_ps(a))
+#define HYI_ADDD(a, b) _mm512_add_pd(a, b)
+#define HYI_SUBD(a, b) _mm512_sub_pd(a, b)
+#define HYI_MULD(a, b) _mm512_mul_pd(a, b)
+#define HYI_DIVD(a, b) _mm512_div_pd(a, b)
+#define HYI_MIND(a, b) _mm512_min_pd(a, b)
+#define HYI_MAXD(a, b) _mm512_max_pd(a, b)
+#define HYI_LTD(a, b) ((uint32_t)_mm512_cmp_pd_mask(a, b, _CMP_LT_OQ))
+#define HYI_PIND(a) hyi_pin_double_avx512(a)
+#include "walk_body.inc.h"
+#include "packet_body.inc.h"
+#include "stream_body.inc.h"
+#include "lanes_end.inc.h"
+
+#if HYI_GNU && !defined(__clang__)
+#pragma GCC diagnostic pop
+#endif
+
+#endif /* HYI_X86 */
+#endif /* HYI_BVH_AVX512_H */

@@ -1,0 +1,86 @@
+/* >>bvh-neon: traversal in the words of NEON: eight lanes are two times four */
+#ifndef HYI_BVH_NEON_H
+#define HYI_BVH_NEON_H
+
+#include "stream.h"
+
+#if HYI_NEON
+
+HYI_INLINE float32x4_t hyi_pin4_neon(float32x4_t value) {
+#if HYI_GNU
+    __asm__("" : "+w"(value));
+#endif
+    return value;
+}
+
+HYI_INLINE float64x2_t hyi_pin2_neon(float64x2_t value) {
+#if HYI_GNU
+    __asm__("" : "+w"(value));
+#endif
+    return value;
+}
+
+/* One bit a lane. */
+HYI_INLINE uint32_t hyi_bits4_4_neon(uint32x4_t low, uint32x4_t high) {
+    static const uint16_t bits[8] = {1, 2, 4, 8, 16, 32, 64, 128};
+    return vaddvq_u16(vandq_u16(vcombine_u16(vmovn_u32(low), vmovn_u32(high)), vld1q_u16(bits)));
+}
+
+HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
+    static const uint32_t bits[4] = {1, 2, 4, 8};
+    return vaddvq_u32(vandq_u32(vcombine_u32(vmovn_u64(low), vmovn_u64(high)), vld1q_u32(bits)));
+}
+
+/* Writes sixteen bytes in the order of places. */
+HYI_INLINE void hyi_move4_neon(uint32_t *to, const uint32_t *from, const uint8_t *places) {
+    vst1q_u32(to, vreinterpretq_u32_u8(vqtbl1q_u8(vreinterpretq_u8_u32(vld1q_u32(from)), vld1q_u8(places))));
+}
+
+#define HYI_TARGET
+#define HYI_I(name) name##_neon
+#define HYI_F4 float32x4_t
+#define HYI_M4 uint32x4_t
+#define HYI_LOAD4(p) vld1q_f32(p)
+#define HYI_LOAD4_ALIGNED(p) vld1q_f32(p)
+#define HYI_STORE4(p, a) vst1q_f32(p, a)
+#define HYI_SET4(value) vdupq_n_f32(value)
+#define HYI_ADD4(a, b) vaddq_f32(a, b)
+#define HYI_SUB4(a, b) vsubq_f32(a, b)
+#define HYI_MUL4(a, b) vmulq_f32(a, b)
+#define HYI_DIV4(a, b) vdivq_f32(a, b)
+#define HYI_MAD4(a, b, c) vfmaq_f32(c, a, b)
+#define HYI_MIN4(a, b) vminq_f32(a, b)
+#define HYI_MAX4(a, b) vmaxq_f32(a, b)
+#define HYI_LT4(a, b) vcltq_f32(a, b)
+#define HYI_LE4(a, b) vcleq_f32(a, b)
+#define HYI_AND4(a, b) vandq_u32(a, b)
+#define HYI_OR4(a, b) vorrq_u32(a, b)
+#define HYI_CHOOSE4(m, a, b) vbslq_f32(m, a, b)
+#define HYI_BITS4_4(low, high) hyi_bits4_4_neon(low, high)
+#define HYI_PIN4(a) hyi_pin4_neon(a)
+#define HYI_GREATEST4(a) vmaxvq_f32(a)
+#define HYI_LEAST4(a) vminvq_f32(a)
+#define HYI_MOVE4(to, from, places) hyi_move4_neon(to, from, places)
+#define HYI_D2 float64x2_t
+#define HYI_SET2(value) vdupq_n_f64(value)
+#define HYI_STORE2(p, a) vst1q_f64(p, a)
+#define HYI_LOW_AS_DOUBLES(a) vcvt_f64_f32(vget_low_f32(a))
+#define HYI_HIGH_AS_DOUBLES(a) vcvt_high_f64_f32(a)
+#define HYI_AS_FLOATS(low, high) vcvt_high_f32_f64(vcvt_f32_f64(low), high)
+#define HYI_ADD2(a, b) vaddq_f64(a, b)
+#define HYI_SUB2(a, b) vsubq_f64(a, b)
+#define HYI_MUL2(a, b) vmulq_f64(a, b)
+#define HYI_DIV2(a, b) vdivq_f64(a, b)
+#define HYI_MIN2(a, b) vminq_f64(a, b)
+#define HYI_MAX2(a, b) vmaxq_f64(a, b)
+#define HYI_LT2(a, b) vcltq_f64(a, b)
+#define HYI_BITS2_2(low, high) hyi_bits2_2_neon(low, high)
+#define HYI_PIN2(a) hyi_pin2_neon(a)
+#include "lanes_pair.inc.h"
+#include "walk_body.inc.h"
+#include "packet_body.inc.h"
+#include "stream_body.inc.h"
+#include "lanes_end.inc.h"
+
+#endif /* HYI_NEON */
+#endif /* HYI_BVH_NEON_H */

@@ -1,0 +1,214 @@
+/* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
+   for four floats and two doubles) */
+
+typedef struct HYI_I(hyi_f8) {
+    HYI_F4 low, high;
+} HYI_I(hyi_f8);
+
+typedef struct HYI_I(hyi_m8) {
+    HYI_M4 low, high;
+} HYI_I(hyi_m8);
+
+typedef struct HYI_I(hyi_d4) {
+    HYI_D2 low, high;
+} HYI_I(hyi_d4);
+
+#define HYI_PAIR(name, result, type, word)                                                        \
+    HYI_INLINE HYI_TARGET HYI_I(hyi_##result) HYI_I(hyi_##name)(HYI_I(hyi_##type) a, HYI_I(hyi_##type) b) { \
+        HYI_I(hyi_##result) r;                                                                    \
+        r.low = word(a.low, b.low);                                                               \
+        r.high = word(a.high, b.high);                                                            \
+        return r;                                                                                 \
+    }
+HYI_PAIR(add8, f8, f8, HYI_ADD4)
+HYI_PAIR(sub8, f8, f8, HYI_SUB4)
+HYI_PAIR(mul8, f8, f8, HYI_MUL4)
+HYI_PAIR(div8, f8, f8, HYI_DIV4)
+HYI_PAIR(min8, f8, f8, HYI_MIN4)
+HYI_PAIR(max8, f8, f8, HYI_MAX4)
+HYI_PAIR(lt8, m8, f8, HYI_LT4)
+HYI_PAIR(le8, m8, f8, HYI_LE4)
+HYI_PAIR(and8, m8, m8, HYI_AND4)
+HYI_PAIR(or8, m8, m8, HYI_OR4)
+HYI_PAIR(add_doubles, d4, d4, HYI_ADD2)
+HYI_PAIR(sub_doubles, d4, d4, HYI_SUB2)
+HYI_PAIR(mul_doubles, d4, d4, HYI_MUL2)
+HYI_PAIR(div_doubles, d4, d4, HYI_DIV2)
+HYI_PAIR(min_doubles, d4, d4, HYI_MIN2)
+HYI_PAIR(max_doubles, d4, d4, HYI_MAX2)
+#undef HYI_PAIR
+
+/* ---- floats */
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_set8)(float value) {
+    HYI_I(hyi_f8) r;
+    r.low = r.high = HYI_SET4(value);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_load8)(const float *p) {
+    HYI_I(hyi_f8) r;
+    r.low = HYI_LOAD4(p);
+    r.high = HYI_LOAD4(p + 4);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_load_plane)(const float *p) {
+    HYI_I(hyi_f8) r;
+    r.low = HYI_LOAD4_ALIGNED(p);
+    r.high = HYI_LOAD4_ALIGNED(p + 4);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store8)(float *p, HYI_I(hyi_f8) a) {
+    HYI_STORE4(p, a.low);
+    HYI_STORE4(p + 4, a.high);
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_mad8)(HYI_I(hyi_f8) a, HYI_I(hyi_f8) b, HYI_I(hyi_f8) c) {
+    HYI_I(hyi_f8) r;
+    r.low = HYI_MAD4(a.low, b.low, c.low);
+    r.high = HYI_MAD4(a.high, b.high, c.high);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_pin8)(HYI_I(hyi_f8) a) {
+    a.low = HYI_PIN4(a.low);
+    a.high = HYI_PIN4(a.high);
+    return a;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_min8_where)(HYI_I(hyi_f8) a, HYI_I(hyi_m8) m, HYI_I(hyi_f8) b) {
+    a.low = HYI_CHOOSE4(m.low, HYI_MIN4(a.low, b.low), a.low);
+    a.high = HYI_CHOOSE4(m.high, HYI_MIN4(a.high, b.high), a.high);
+    return a;
+}
+
+/* ---- doubles: four, in one half of a packet */
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_set_doubles)(double value) {
+    HYI_I(hyi_d4) r;
+    r.low = r.high = HYI_SET2(value);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_half_as_doubles)(HYI_I(hyi_f8) a, int half) {
+    HYI_F4 four = half ? a.high : a.low;
+    HYI_I(hyi_d4) r;
+    r.low = HYI_LOW_AS_DOUBLES(four);
+    r.high = HYI_HIGH_AS_DOUBLES(four);
+    return r;
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_doubles)(double *p, HYI_I(hyi_d4) a) {
+    HYI_STORE2(p, a.low);
+    HYI_STORE2(p + 2, a.high);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_half)(float *p, int half, HYI_I(hyi_d4) a) {
+    HYI_STORE4(p + 4 * half, HYI_AS_FLOATS(a.low, a.high));
+}
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_lt_doubles)(HYI_I(hyi_d4) a, HYI_I(hyi_d4) b) {
+    return HYI_BITS2_2(HYI_LT2(a.low, b.low), HYI_LT2(a.high, b.high));
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
+    a.low = HYI_PIN2(a.low);
+    a.high = HYI_PIN2(a.high);
+    return a;
+}
+
+/* ---- lists */
+
+/* Bit r of byte c from bit c of byte r: a matrix of bits is transposed in blocks of 1, 2 and 4 (Warren 2012, "Hacker's
+   Delight", 7-3). */
+HYI_INLINE uint64_t HYI_I(hyi_transpose_bits)(uint64_t rows) {
+    uint64_t change = (rows ^ rows >> 7) & 0x00aa00aa00aa00aaull;
+    rows ^= change ^ change << 7;
+    change = (rows ^ rows >> 14) & 0x0000cccc0000ccccull;
+    rows ^= change ^ change << 14;
+    change = (rows ^ rows >> 28) & 0x00000000f0f0f0f0ull;
+    return rows ^ change ^ change << 28;
+}
+
+/* Appends eight items to the lists of the children that their masks name. Of each four those whose bit is set are moved
+   to the front by a permutation of bytes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
+#define HYI_WORD(lane) 4 * (lane), 4 * (lane) + 1, 4 * (lane) + 2, 4 * (lane) + 3
+#define HYI_WORDS(a, b, c, d) {HYI_WORD(a), HYI_WORD(b), HYI_WORD(c), HYI_WORD(d)}
+    static const uint8_t front[16][16] = {
+        HYI_WORDS(0, 0, 0, 0), HYI_WORDS(0, 0, 0, 0), HYI_WORDS(1, 0, 0, 0), HYI_WORDS(0, 1, 0, 0),
+        HYI_WORDS(2, 0, 0, 0), HYI_WORDS(0, 2, 0, 0), HYI_WORDS(1, 2, 0, 0), HYI_WORDS(0, 1, 2, 0),
+        HYI_WORDS(3, 0, 0, 0), HYI_WORDS(0, 3, 0, 0), HYI_WORDS(1, 3, 0, 0), HYI_WORDS(0, 1, 3, 0),
+        HYI_WORDS(2, 3, 0, 0), HYI_WORDS(0, 2, 3, 0), HYI_WORDS(1, 2, 3, 0), HYI_WORDS(0, 1, 2, 3)};
+#undef HYI_WORDS
+#undef HYI_WORD
+    const uint64_t counts = 0x4332322132212110ull; /* four bits each: how many bits are set in 0 .. 15 */
+    uint64_t takes = HYI_I(hyi_transpose_bits)(masks->all);
+    for (uint32_t c = 0; c < 8u; c++, takes >>= 8) {
+        uint32_t low = (uint32_t)takes & 15u, high = (uint32_t)(takes >> 4) & 15u;
+        uint32_t *list = lists + (size_t)c * stride + dealt[c], some = (uint32_t)(counts >> 4u * low) & 7u;
+        HYI_MOVE4(list, items, front[low]);
+        HYI_MOVE4(list + some, items + 4, front[high]);
+        dealt[c] += some + ((uint32_t)(counts >> 4u * high) & 7u);
+    }
+}
+
+#define HYI_F8 HYI_I(hyi_f8)
+#define HYI_M8 HYI_I(hyi_m8)
+#define HYI_LOAD8(p) HYI_I(hyi_load_plane)(p)
+#define HYI_LOADU8(p) HYI_I(hyi_load8)(p)
+#define HYI_STORE8(p, a) HYI_I(hyi_store8)(p, a)
+#define HYI_SET8(value) HYI_I(hyi_set8)(value)
+#define HYI_ZERO8() HYI_I(hyi_set8)(0.0f)
+#define HYI_SUB8(a, b) HYI_I(hyi_sub8)(a, b)
+#define HYI_MUL8(a, b) HYI_I(hyi_mul8)(a, b)
+#define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
+#define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
+#define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
+#define HYI_LT8(a, b) HYI_I(hyi_lt8)(a, b)
+#define HYI_LE8(a, b) HYI_I(hyi_le8)(a, b)
+#define HYI_AND8(a, b) HYI_I(hyi_and8)(a, b)
+#define HYI_OR8(a, b) HYI_I(hyi_or8)(a, b)
+#define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
+#define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
+#define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
+#define HYI_LANES 8u
+#define HYI_ALLW 0xffu
+#define HYI_FW HYI_F8
+#define HYI_MW HYI_M8
+#define HYI_LOADW(p) HYI_LOADU8(p)
+#define HYI_STOREW(p, a) HYI_STORE8(p, a)
+#define HYI_SETW(value) HYI_SET8(value)
+#define HYI_ZEROW() HYI_ZERO8()
+#define HYI_ADDW(a, b) HYI_I(hyi_add8)(a, b)
+#define HYI_SUBW(a, b) HYI_SUB8(a, b)
+#define HYI_MULW(a, b) HYI_MUL8(a, b)
+#define HYI_DIVW(a, b) HYI_I(hyi_div8)(a, b)
+#define HYI_MINW(a, b) HYI_MIN8(a, b)
+#define HYI_MAXW(a, b) HYI_MAX8(a, b)
+#define HYI_LTW(a, b) HYI_LT8(a, b)
+#define HYI_LEW(a, b) HYI_LE8(a, b)
+#define HYI_ANDW(a, b) HYI_AND8(a, b)
+#define HYI_ORW(a, b) HYI_OR8(a, b)
+#define HYI_BITSW(m) HYI_BITS8(m)
+#define HYI_PINW(a) HYI_PIN8(a)
+#define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
+#define HYI_LEASTW(a) HYI_LEAST4(HYI_MIN4((a).low, (a).high))
+#define HYI_DEAL 8u
+#define HYI_MASKS hyi_masks8
+#define HYI_CLEAR_MASKS(masks) ((masks).all = 0)
+#define HYI_FD HYI_I(hyi_d4)
+#define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
+#define HYI_HALFD(a, half) HYI_I(hyi_half_as_doubles)(a, half)
+#define HYI_STORED(p, a) HYI_I(hyi_store_doubles)(p, a)
+#define HYI_STOREH(p, half, a) HYI_I(hyi_store_half)(p, half, a)
+#define HYI_ADDD(a, b) HYI_I(hyi_add_doubles)(a, b)
+#define HYI_SUBD(a, b) HYI_I(hyi_sub_doubles)(a, b)
+#define HYI_MULD(a, b) HYI_I(hyi_mul_doubles)(a, b)
+#define HYI_DIVD(a, b) HYI_I(hyi_div_doubles)(a, b)
+#define HYI_MIND(a, b) HYI_I(hyi_min_doubles)(a, b)
+#define HYI_MAXD(a, b) HYI_I(hyi_max_doubles)(a, b)
+#define HYI_LTD(a, b) HYI_I(hyi_lt_doubles)(a, b)
+#define HYI_PIND(a) HYI_I(hyi_pin_doubles)(a)

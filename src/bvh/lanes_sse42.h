@@ -1,0 +1,86 @@
+/* >>bvh-sse42: traversal in the words of SSE4.2: eight lanes are two times four */
+#ifndef HYI_BVH_SSE42_H
+#define HYI_BVH_SSE42_H
+
+#include "stream.h"
+
+#if HYI_X86
+
+HYI_INLINE HYI_SSE42 __m128 hyi_pin4_sse42(__m128 value) {
+#if HYI_GNU
+    __asm__("" : "+x"(value));
+#endif
+    return value;
+}
+
+HYI_INLINE HYI_SSE42 __m128d hyi_pin2_sse42(__m128d value) {
+#if HYI_GNU
+    __asm__("" : "+x"(value));
+#endif
+    return value;
+}
+
+HYI_INLINE HYI_SSE42 float hyi_greatest4_sse42(__m128 a) {
+    __m128 two = _mm_max_ps(a, _mm_movehl_ps(a, a));
+    return _mm_cvtss_f32(_mm_max_ss(two, _mm_shuffle_ps(two, two, 1)));
+}
+
+HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
+    __m128 two = _mm_min_ps(a, _mm_movehl_ps(a, a));
+    return _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps(two, two, 1)));
+}
+
+/* Writes sixteen bytes in the order of places. */
+HYI_INLINE HYI_SSE42 void hyi_move4_sse42(uint32_t *to, const uint32_t *from, const uint8_t *places) {
+    __m128i order = _mm_loadu_si128((const __m128i *)(const void *)places);
+    _mm_storeu_si128((__m128i *)(void *)to, _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)from), order));
+}
+
+#define HYI_TARGET HYI_SSE42
+#define HYI_I(name) name##_sse42
+#define HYI_F4 __m128
+#define HYI_M4 __m128
+#define HYI_LOAD4(p) _mm_loadu_ps(p)
+#define HYI_LOAD4_ALIGNED(p) _mm_load_ps(p)
+#define HYI_STORE4(p, a) _mm_storeu_ps(p, a)
+#define HYI_SET4(value) _mm_set1_ps(value)
+#define HYI_ADD4(a, b) _mm_add_ps(a, b)
+#define HYI_SUB4(a, b) _mm_sub_ps(a, b)
+#define HYI_MUL4(a, b) _mm_mul_ps(a, b)
+#define HYI_DIV4(a, b) _mm_div_ps(a, b)
+#define HYI_MAD4(a, b, c) _mm_add_ps(_mm_mul_ps(a, b), c)
+#define HYI_MIN4(a, b) _mm_min_ps(a, b)
+#define HYI_MAX4(a, b) _mm_max_ps(a, b)
+#define HYI_LT4(a, b) _mm_cmplt_ps(a, b)
+#define HYI_LE4(a, b) _mm_cmple_ps(a, b)
+#define HYI_AND4(a, b) _mm_and_ps(a, b)
+#define HYI_OR4(a, b) _mm_or_ps(a, b)
+#define HYI_CHOOSE4(m, a, b) _mm_blendv_ps(b, a, m)
+#define HYI_BITS4_4(low, high) ((uint32_t)_mm_movemask_ps(low) | (uint32_t)_mm_movemask_ps(high) << 4)
+#define HYI_PIN4(a) hyi_pin4_sse42(a)
+#define HYI_GREATEST4(a) hyi_greatest4_sse42(a)
+#define HYI_LEAST4(a) hyi_least4_sse42(a)
+#define HYI_MOVE4(to, from, places) hyi_move4_sse42(to, from, places)
+#define HYI_D2 __m128d
+#define HYI_SET2(value) _mm_set1_pd(value)
+#define HYI_STORE2(p, a) _mm_storeu_pd(p, a)
+#define HYI_LOW_AS_DOUBLES(a) _mm_cvtps_pd(a)
+#define HYI_HIGH_AS_DOUBLES(a) _mm_cvtps_pd(_mm_movehl_ps(a, a))
+#define HYI_AS_FLOATS(low, high) _mm_movelh_ps(_mm_cvtpd_ps(low), _mm_cvtpd_ps(high))
+#define HYI_ADD2(a, b) _mm_add_pd(a, b)
+#define HYI_SUB2(a, b) _mm_sub_pd(a, b)
+#define HYI_MUL2(a, b) _mm_mul_pd(a, b)
+#define HYI_DIV2(a, b) _mm_div_pd(a, b)
+#define HYI_MIN2(a, b) _mm_min_pd(a, b)
+#define HYI_MAX2(a, b) _mm_max_pd(a, b)
+#define HYI_LT2(a, b) _mm_cmplt_pd(a, b)
+#define HYI_BITS2_2(low, high) ((uint32_t)_mm_movemask_pd(low) | (uint32_t)_mm_movemask_pd(high) << 2)
+#define HYI_PIN2(a) hyi_pin2_sse42(a)
+#include "lanes_pair.inc.h"
+#include "walk_body.inc.h"
+#include "packet_body.inc.h"
+#include "stream_body.inc.h"
+#include "lanes_end.inc.h"
+
+#endif /* HYI_X86 */
+#endif /* HYI_BVH_SSE42_H */

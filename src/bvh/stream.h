@@ -1,0 +1,120 @@
+/* >>bvh-stream: many rays through a tree together
+
+   A list of rays goes down the tree: at a node each of them meets eight boxes, and its number is put on the list of
+   every child that it enters; the children are then visited nearest first, each with its list. A node is loaded once
+   for many rays, the rays of a list are independent work for the processor, and nothing is guessed by its branch
+   predictor (Barringer, Akenine-Moller 2014, "Dynamic ray stream traversal"; Fuetterling et al. 2015, "Efficient
+   ray tracing kernels for modern CPU architectures").
+
+   Where neighbouring rays are alike, a packet of them takes the site of a ray: its node test is interval arithmetic
+   over the packet (Reshetov, Soupikov, Hurley 2005, "Multi-level ray tracing algorithm"), as dear as that of one ray,
+   and at a leaf a triangle meets all rays of the packet at once.
+
+   Rays of a list have the same signs of direction and the same largest direction component. */
+#ifndef HYI_BVH_STREAM_H
+#define HYI_BVH_STREAM_H
+
+#include "walk.h"
+
+#define HYI_STREAM_RAYS 4096u    /* on their way at a time */
+#define HYI_STREAM_SORTED 65536u /* sorted by direction at a time */
+#define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
+#define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
+#define HYI_PACKET_WIDTH 16u     /* at most */
+#define HYI_RAY_GROUPS 24u           /* eight octants by three largest components */
+
+/* Slopes of the rays of a packet differ by no more than this, and their origins by no more than this share of the
+   tree's size. */
+#define HYI_PACKET_SLOPES 0.6f
+#define HYI_PACKET_ORIGINS 0.02f
+
+/* As many rays as a vector has lanes: bounds of all for the node test, and for triangles what hyi_aim and hyi_best hold
+   of one ray, in the units of the tree, with hyi_aim.unit 1. Lanes beyond the last ray repeat the first one with limits
+   that nothing meets. */
+typedef struct hyi_packet {
+    float origin[3][HYI_PACKET_WIDTH], direction[3][HYI_PACKET_WIDTH], shear[2][HYI_PACKET_WIDTH]; /* in the order of axis */
+    float inverse[3][HYI_PACKET_WIDTH]; /* likewise, of the direction kept from zero */
+    float inverse_z[HYI_PACKET_WIDTH], t_near[HYI_PACKET_WIDTH], t_far[HYI_PACKET_WIDTH], t_min[HYI_PACKET_WIDTH];
+    float best_t[HYI_PACKET_WIDTH];
+    double weights[3][HYI_PACKET_WIDTH]; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
+    uint32_t instance[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t ray[HYI_PACKET_WIDTH];      /* its number among the rays, or flights, that the packet is made of */
+    float near_origin[3], far_origin[3], inverse_low[3], inverse_high[3];
+    float bound[3];                      /* of the error of each origin, by which slabs are thicker */
+    float first_t, last_t;
+    uint32_t count, group;               /* rays; what their directions have in common: see hyi_aim_group */
+} hyi_packet;
+
+/* Memory for streams. */
+typedef struct hyi_ray_stream {
+    uint32_t capacity;     /* rays on their way at a time; 0: none, rays go one by one */
+    uint32_t packet_share; /* packets that they make */
+    uint32_t levels;       /* 1, or 2 where there are instances: flights and packets in the first tree, then in theirs */
+    uint32_t sorted;       /* rays sorted at a time */
+    hyi_packet *packets;   /* levels times packet_share; the block begins here */
+    hyi_flight *flights;   /* levels times capacity */
+    uint32_t *lists;       /* list_count */
+    uint32_t *order;       /* two times sorted */
+    size_t list_count;
+} hyi_ray_stream;
+
+/* Lists in one tree at one time. */
+typedef struct hyi_swarm {
+    hyi_site site;
+    hyi_ray_stream *stream;
+    const hyk_ray *rays; /* of packets; NULL: these are made of flights */
+    hyi_flight *flights;
+    hyi_packet *packets;
+    uint32_t near_plane[3], axis[3]; /* of all rays on a list */
+    bool any;
+} hyi_swarm;
+
+/* Of eight items, which children each meets. */
+typedef union hyi_masks8 {
+    uint8_t bytes[8];
+    uint64_t all;
+} hyi_masks8;
+
+HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
+    return (aim->near_plane[0] & 1u) | (aim->near_plane[1] & 1u) << 1 | (aim->near_plane[2] & 1u) << 2 | aim->axis[2] << 3;
+}
+
+/* What rays of a group have in common. */
+HYI_INLINE void hyi_set_group(hyi_swarm *swarm, uint32_t group) {
+    uint32_t z = group >> 3;
+    for (uint32_t a = 0; a < 3; a++) swarm->near_plane[a] = 2u * a + (group >> a & 1u);
+    swarm->axis[0] = z == 2u ? 0u : z + 1u;
+    swarm->axis[1] = z == 0u ? 2u : z - 1u;
+    swarm->axis[2] = z;
+}
+
+/* Numbers of count keys below HYI_RAY_GROUPS in the order of the keys, stable; first[g] .. first[g + 1]: those of group g. */
+HYI_INLINE void hyi_group(const uint8_t *keys, uint32_t count, uint32_t *order, uint32_t first[HYI_RAY_GROUPS + 1]) {
+    uint32_t next[HYI_RAY_GROUPS] = {0};
+    for (uint32_t i = 0; i < count; i++) next[keys[i]]++;
+    first[0] = 0;
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        first[g + 1] = first[g] + next[g];
+        next[g] = first[g];
+    }
+    for (uint32_t i = 0; i < count; i++) order[next[keys[i]]++] = i;
+}
+
+/* What a child will read first. */
+HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
+    const char *at = hyi_child_is_leaf(child) ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
+    for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
+}
+
+/* Orders the children in mask by t, nearest first; returns how many they are. */
+HYI_INLINE uint32_t hyi_order_children(uint32_t mask, const float t[HYI_WIDTH], uint32_t order[HYI_WIDTH]) {
+    uint32_t count = 0;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t c = hyi_lowest_bit(mask), at = count++;
+        for (; at > 0 && t[order[at - 1u]] > t[c]; at--) order[at] = order[at - 1u];
+        order[at] = c;
+    }
+    return count;
+}
+
+#endif /* HYI_BVH_STREAM_H */

@@ -1,0 +1,191 @@
+/* ---- many rays (expanded once for each instruction set)
+
+   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+
+/* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                           uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
+    HYI_I(hyi_planes) planes;
+    HYI_F8 least = HYI_SET8(FLT_MAX);
+    for (int a = 0; a < 3; a++) {
+        planes.near_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a]]);
+        planes.far_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a] ^ 1u]);
+    }
+    for (uint32_t first = 0; first < count; first += HYI_DEAL) {
+        uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
+        HYI_MASKS masks;
+        HYI_CLEAR_MASKS(masks);
+        for (uint32_t i = 0; i < some; i++) {
+            HYI_F8 enter;
+            uint32_t item = list[first + i];
+            HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
+                                  : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
+            least = HYI_MIN8_WHERE(least, mask, enter);
+            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+        }
+        HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
+    }
+    HYI_STORE8(nearest, least);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+    const hyi_node *node = &swarm->site.bvh->nodes[at];
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
+    float nearest[HYI_WIDTH];
+    HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) mask |= (dealt[c] ? 1u : 0u) << c;
+    if (swarm->site.bvh->rows)
+        for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
+    uint32_t children = hyi_order_children(mask, nearest, order);
+    for (uint32_t i = 0; i < children; i++) {
+        uint32_t c = order[i];
+        if (packets && hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    HYI_I(hyi_list_node)(swarm, at, list, count, space, true);
+}
+
+/* ---- leaves */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        if (HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any) && swarm->any) hyi_flight_stop(flight);
+    }
+}
+
+/* ---- instances */
+
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any);
+
+/* The rays of a list go through what a box of the tree over instances stands for. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
+    hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
+    uint32_t entered = 0, *from = space;
+    for (uint32_t i = 0; i < count; i++) {
+        if (swarm->flights[list[i]].aim.t_far == -FLT_MAX) continue;
+        if (hyi_flight_enter(&below[entered], &swarm->flights[list[i]], &site)) from[entered++] = list[i];
+    }
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
+    for (uint32_t i = 0; i < entered; i++) {
+        hyi_flight *above = &swarm->flights[from[i]];
+        if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
+    }
+}
+
+/* ---- the way down */
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        if (flight->aim.t_far == -FLT_MAX) continue;
+        HYI_I(hyi_walk_scene)(&swarm->site, flight, at, swarm->any);
+        if (swarm->any && flight->best.instance != HYK_NONE) hyi_flight_stop(flight);
+    }
+}
+
+/* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
+   one. Packets are only in trees of triangles, and their lists so short that the space always suffices. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+    size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
+    bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
+    if (packets) {
+        if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
+        else HYI_I(hyi_list_node_packets)(swarm, at, list, count, space);
+    } else if (leaf && swarm->site.bvh->rows) {
+        HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+    } else if (leaf && fits) {
+        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    } else if (fits && count >= HYI_LIST_LEAST) {
+        HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+    } else {
+        HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    }
+}
+
+/* ---- all rays of a slice */
+
+/* Sends count packets on their way, those of a group together. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, uint32_t *space) {
+    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
+    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)swarm->packets[i].group;
+    hyi_group(keys, count, order, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        if (first[g + 1] == first[g]) continue;
+        hyi_set_group(swarm, g);
+        HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room, true);
+    }
+}
+
+/* Packets of the alike among a group's flights; the others come to stand first in rays, and are counted. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays, uint32_t count, uint32_t *space) {
+    uint32_t made = 0, others = 0;
+    for (uint32_t first = 0; first < count; first += HYI_LANES) {
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        if (some > HYI_LANES / 2u && HYI_I(hyi_pack_flights)(swarm, &swarm->packets[made], rays + first, some)) made++;
+        else
+            for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
+    }
+    for (uint32_t i = 0; i < made; i++) space[i] = i;
+    if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
+    return others;
+}
+
+/* Sends the first count flights (deep: of those in instances) through the tree of site. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
+    hyi_swarm swarm;
+    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
+    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    swarm.site = *site;
+    swarm.stream = stream;
+    swarm.rays = NULL;
+    swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
+    swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
+    swarm.any = any;
+    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u)) {
+        for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm.flights[i].aim);
+    hyi_group(keys, count, order, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        uint32_t *rays = order + first[g], some = first[g + 1] - first[g];
+        hyi_set_group(&swarm, g);
+        if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
+        if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
+    }
+}
+
+/* Packets of those among count rays that are alike; numbers of the others go to others, and are counted. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
+                                                     uint8_t *occluded, uint32_t count, uint32_t *others) {
+    hyi_swarm swarm;
+    uint32_t made = 0, rest = 0;
+    swarm.site = *site;
+    swarm.stream = stream;
+    swarm.rays = rays;
+    swarm.flights = NULL;
+    swarm.packets = stream->packets;
+    swarm.any = occluded != NULL;
+    for (uint32_t first = 0; first < count; first += HYI_LANES) {
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) made++;
+        else
+            for (uint32_t i = 0; i < some; i++) others[rest++] = first + i;
+    }
+    if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
+    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
+    return rest;
+}
