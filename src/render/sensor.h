@@ -149,7 +149,7 @@ HYI_FN hydra_result hyi_take_sensor_rays(hydra_context *context, const hydra_sen
     HYI_TRY(hyi_alloc_array(context, &sensor->rays, sensor->count));
     for (size_t i = 0; i < sensor->count; i++) {
         memcpy(&sensor->rays[i], hyi_view_at(d->rays, sizeof(hydra_ray), i), sizeof(hydra_ray));
-        if (!hyi_ray_is_sound(&sensor->rays[i])) return hyi_fail(context, HYDRA_ERROR_RAY, "ray %zu of the sensor", i);
+        if (!hyi_was_sound((const hyk_ray *)(const void *)&sensor->rays[i])) return hyi_fail(context, HYDRA_ERROR_RAY, "ray %zu of the sensor", i);
     }
     return HYDRA_OK;
 }

@@ -6,7 +6,11 @@ amalgamate=$scratch/amalgamate
 
 $CC -std=c99 -O1 $warnings_c tools/amalgamate.c -o "$amalgamate" || { wrong "tools/amalgamate.c does not compile"; finish; }
 "$amalgamate" --list | sort > "$scratch/listed"
-find src shaders/shared -name '*.h' ! -path 'src/vk/*' ! -path 'shaders/shared/vk/*' | sort > "$scratch/there"
+# *.inc.h stand in the parts that include them: each must be included by one.
+find src shaders/shared -name '*.h' ! -name '*.inc.h' ! -path 'src/vk/*' ! -path 'shaders/shared/vk/*' | sort > "$scratch/there"
+while read -r file; do
+    grep -qF "#include \"${file##*/}\"" "${file%/*}"/*.h || wrong "$file is included by no part"
+done < <(find src shaders/shared -name '*.inc.h')
 while read -r file; do wrong "$file is not in the list of parts (tools/amalgamate.c)"; done < <(comm -13 "$scratch/listed" "$scratch/there")
 while read -r file; do wrong "$file is listed but not there"; done < <(comm -23 "$scratch/listed" "$scratch/there")
 while read -r file; do wrong "$file: hand-written host code is .h or nothing"; done < <(find src shaders/shared -type f ! -name '*.h' ! -path '*/vk/*')
