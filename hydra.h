@@ -5869,7 +5869,6 @@ typedef struct hyi_aim {
     float origin[3], shear[2];            /* in the order of axis */
     float inverse_z;                      /* t here by distance along z */
     float direction[3];                   /* in the order of axis */
-    float near_origin[3], far_origin[3];  /* the origin moved, for rays in packets */
     uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
     uint32_t near_plane[3];               /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
     double unit, inverse_unit;
@@ -5934,10 +5933,8 @@ HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, cons
         float steady = fabsf(d[a]) >= HYI_STEADY ? d[a] : d[a] < 0.0f ? -HYI_STEADY : HYI_STEADY;
         bool falls = steady < 0.0f;
         aim->inverse[a] = 1.0f / steady;
-        aim->near_origin[a] = falls ? o[a] - bound : o[a] + bound;
-        aim->far_origin[a] = falls ? o[a] + bound : o[a] - bound;
-        aim->near_offset[a] = -aim->near_origin[a] * aim->inverse[a];
-        aim->far_offset[a] = -aim->far_origin[a] * aim->inverse[a];
+        aim->near_offset[a] = -(falls ? o[a] - bound : o[a] + bound) * aim->inverse[a];
+        aim->far_offset[a] = -(falls ? o[a] + bound : o[a] - bound) * aim->inverse[a];
         aim->near_plane[a] = 2u * (uint32_t)a + (falls ? 1u : 0u);
     }
 }
@@ -6371,13 +6368,18 @@ HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
     return (aim->near_plane[0] & 1u) | (aim->near_plane[1] & 1u) << 1 | (aim->near_plane[2] & 1u) << 2 | aim->axis[2] << 3;
 }
 
+/* hyi_aim.axis of the rays of a group. */
+HYI_INLINE void hyi_group_axes(uint32_t group, uint32_t axis[3]) {
+    uint32_t z = group >> 3;
+    axis[0] = z == 2u ? 0u : z + 1u;
+    axis[1] = z == 0u ? 2u : z - 1u;
+    axis[2] = z;
+}
+
 /* What rays of a group have in common. */
 HYI_INLINE void hyi_set_group(hyi_swarm *swarm, uint32_t group) {
-    uint32_t z = group >> 3;
     for (uint32_t a = 0; a < 3; a++) swarm->near_plane[a] = 2u * a + (group >> a & 1u);
-    swarm->axis[0] = z == 2u ? 0u : z + 1u;
-    swarm->axis[1] = z == 0u ? 2u : z - 1u;
-    swarm->axis[2] = z;
+    hyi_group_axes(group, swarm->axis);
 }
 
 /* Numbers of count keys below HYI_RAY_GROUPS in the order of the keys, stable; first[g] .. first[g + 1]: those of group g. */
@@ -7308,12 +7310,14 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
     }
 }
 
-/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
-    float o[3][HYI_PACKET_WIDTH], d[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], scale = swarm->site.bvh->scale;
-    hyi_swarm order;
+/* What packets and flights have in common of HYI_LANES rays, by their numbers; false: they are of several groups, unsound,
+   or of uncommon size. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
+                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float d[3][HYI_PACKET_WIDTH], scale = bvh->scale;
+    uint32_t axis[3];
     for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyk_ray ray = hyi_load_ray(&swarm->rays[first + i]);
+        hyk_ray ray = hyi_load_ray(&rays[numbers[i]]);
         o[0][i] = ray.origin.x * scale;
         o[1][i] = ray.origin.y * scale;
         o[2][i] = ray.origin.z * scale;
@@ -7322,29 +7326,89 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_pack
         d[2][i] = ray.direction.z * scale;
         packet->t_min[i] = ray.t_min;
         packet->best_t[i] = ray.t_max;
-        packet->ray[i] = first + i;
-        packet->instance[i] = packet->primitive[i] = HYK_NONE;
     }
     if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
     HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
     bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
     if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
-    hyi_set_group(&order, packet->group);
+    hyi_group_axes(packet->group, axis);
     for (int a = 0; a < 3; a++) {
         HYI_FW v = HYI_LOADW(d[a]);
         if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
         v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
         HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
-        HYI_STOREW(packet->origin[a], HYI_LOADW(o[order.axis[a]]));
-        HYI_STOREW(packet->direction[a], HYI_LOADW(d[order.axis[a]]));
+        HYI_STOREW(packet->origin[a], HYI_LOADW(o[axis[a]]));
+        HYI_STOREW(packet->direction[a], HYI_LOADW(d[axis[a]]));
     }
     HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
     HYI_STOREW(packet->best_t, limit);
     HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
     HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
     HYI_I(hyi_shear_packet)(packet);
+    return true;
+}
+
+/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+    }
     packet->count = HYI_LANES;
-    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+    return HYI_I(hyi_load_rays)(swarm->site.bvh, swarm->rays, packet->ray, packet, o, inverse) &&
+           HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t group, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+    HYI_FW reach[3], zero = HYI_ZEROW();
+    for (int a = 0; a < 3; a++) {
+        HYI_FW below = HYI_SUBW(HYI_LOADW(o[a]), HYI_SETW(box->lower[a])), above = HYI_SUBW(HYI_SETW(box->upper[a]), HYI_LOADW(o[a]));
+        reach[a] = HYI_MAXW(HYI_MAXW(below, HYI_SUBW(zero, below)), HYI_MAXW(above, HYI_SUBW(zero, above)));
+    }
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(o[a]), size = HYI_MAXW(v, HYI_SUBW(zero, v)), back = HYI_SUBW(zero, HYI_LOADW(inverse[a]));
+        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], reach[group >> 3])), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
+        bound = (group >> a & 1u) ? HYI_SUBW(zero, bound) : bound;
+        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
+        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+    }
+}
+
+/* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
+    hyi_packet packet;
+    uint32_t axis[3];
+    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &packet, o, inverse)) return false;
+    HYI_I(hyi_offset_lanes)(&bvh->scaled, packet.group, o, inverse, near_offset, far_offset);
+    hyi_group_axes(packet.group, axis);
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &flights[i];
+        for (uint32_t a = 0; a < 3; a++) {
+            flight->aim.inverse[a] = inverse[a][i];
+            flight->aim.near_offset[a] = near_offset[a][i];
+            flight->aim.far_offset[a] = far_offset[a][i];
+            flight->aim.origin[a] = packet.origin[a][i];
+            flight->aim.direction[a] = packet.direction[a][i];
+            flight->aim.axis[a] = axis[a];
+            flight->aim.near_plane[a] = 2u * a + (packet.group >> a & 1u);
+        }
+        flight->aim.shear[0] = packet.shear[0][i];
+        flight->aim.shear[1] = packet.shear[1][i];
+        flight->aim.inverse_z = packet.inverse_z[i];
+        flight->aim.t_near = packet.t_near[i];
+        flight->aim.t_far = packet.t_far[i];
+        flight->aim.unit = flight->aim.inverse_unit = 1.0;
+        flight->best.t = packet.best_t[i];
+        flight->best.u = flight->best.v = 0.0f;
+        flight->best.instance = flight->best.primitive = HYK_NONE;
+        flight->t_min = packet.t_min[i];
+        flight->ray = &rays[numbers[i]];
+    }
+    return true;
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
@@ -8208,12 +8272,14 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
     }
 }
 
-/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
-    float o[3][HYI_PACKET_WIDTH], d[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], scale = swarm->site.bvh->scale;
-    hyi_swarm order;
+/* What packets and flights have in common of HYI_LANES rays, by their numbers; false: they are of several groups, unsound,
+   or of uncommon size. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
+                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float d[3][HYI_PACKET_WIDTH], scale = bvh->scale;
+    uint32_t axis[3];
     for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyk_ray ray = hyi_load_ray(&swarm->rays[first + i]);
+        hyk_ray ray = hyi_load_ray(&rays[numbers[i]]);
         o[0][i] = ray.origin.x * scale;
         o[1][i] = ray.origin.y * scale;
         o[2][i] = ray.origin.z * scale;
@@ -8222,29 +8288,89 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_pack
         d[2][i] = ray.direction.z * scale;
         packet->t_min[i] = ray.t_min;
         packet->best_t[i] = ray.t_max;
-        packet->ray[i] = first + i;
-        packet->instance[i] = packet->primitive[i] = HYK_NONE;
     }
     if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
     HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
     bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
     if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
-    hyi_set_group(&order, packet->group);
+    hyi_group_axes(packet->group, axis);
     for (int a = 0; a < 3; a++) {
         HYI_FW v = HYI_LOADW(d[a]);
         if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
         v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
         HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
-        HYI_STOREW(packet->origin[a], HYI_LOADW(o[order.axis[a]]));
-        HYI_STOREW(packet->direction[a], HYI_LOADW(d[order.axis[a]]));
+        HYI_STOREW(packet->origin[a], HYI_LOADW(o[axis[a]]));
+        HYI_STOREW(packet->direction[a], HYI_LOADW(d[axis[a]]));
     }
     HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
     HYI_STOREW(packet->best_t, limit);
     HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
     HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
     HYI_I(hyi_shear_packet)(packet);
+    return true;
+}
+
+/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+    }
     packet->count = HYI_LANES;
-    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+    return HYI_I(hyi_load_rays)(swarm->site.bvh, swarm->rays, packet->ray, packet, o, inverse) &&
+           HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t group, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+    HYI_FW reach[3], zero = HYI_ZEROW();
+    for (int a = 0; a < 3; a++) {
+        HYI_FW below = HYI_SUBW(HYI_LOADW(o[a]), HYI_SETW(box->lower[a])), above = HYI_SUBW(HYI_SETW(box->upper[a]), HYI_LOADW(o[a]));
+        reach[a] = HYI_MAXW(HYI_MAXW(below, HYI_SUBW(zero, below)), HYI_MAXW(above, HYI_SUBW(zero, above)));
+    }
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(o[a]), size = HYI_MAXW(v, HYI_SUBW(zero, v)), back = HYI_SUBW(zero, HYI_LOADW(inverse[a]));
+        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], reach[group >> 3])), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
+        bound = (group >> a & 1u) ? HYI_SUBW(zero, bound) : bound;
+        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
+        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+    }
+}
+
+/* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
+    hyi_packet packet;
+    uint32_t axis[3];
+    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &packet, o, inverse)) return false;
+    HYI_I(hyi_offset_lanes)(&bvh->scaled, packet.group, o, inverse, near_offset, far_offset);
+    hyi_group_axes(packet.group, axis);
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &flights[i];
+        for (uint32_t a = 0; a < 3; a++) {
+            flight->aim.inverse[a] = inverse[a][i];
+            flight->aim.near_offset[a] = near_offset[a][i];
+            flight->aim.far_offset[a] = far_offset[a][i];
+            flight->aim.origin[a] = packet.origin[a][i];
+            flight->aim.direction[a] = packet.direction[a][i];
+            flight->aim.axis[a] = axis[a];
+            flight->aim.near_plane[a] = 2u * a + (packet.group >> a & 1u);
+        }
+        flight->aim.shear[0] = packet.shear[0][i];
+        flight->aim.shear[1] = packet.shear[1][i];
+        flight->aim.inverse_z = packet.inverse_z[i];
+        flight->aim.t_near = packet.t_near[i];
+        flight->aim.t_far = packet.t_far[i];
+        flight->aim.unit = flight->aim.inverse_unit = 1.0;
+        flight->best.t = packet.best_t[i];
+        flight->best.u = flight->best.v = 0.0f;
+        flight->best.instance = flight->best.primitive = HYK_NONE;
+        flight->t_min = packet.t_min[i];
+        flight->ray = &rays[numbers[i]];
+    }
+    return true;
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
@@ -9291,12 +9417,14 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
     }
 }
 
-/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
-    float o[3][HYI_PACKET_WIDTH], d[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], scale = swarm->site.bvh->scale;
-    hyi_swarm order;
+/* What packets and flights have in common of HYI_LANES rays, by their numbers; false: they are of several groups, unsound,
+   or of uncommon size. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
+                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float d[3][HYI_PACKET_WIDTH], scale = bvh->scale;
+    uint32_t axis[3];
     for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyk_ray ray = hyi_load_ray(&swarm->rays[first + i]);
+        hyk_ray ray = hyi_load_ray(&rays[numbers[i]]);
         o[0][i] = ray.origin.x * scale;
         o[1][i] = ray.origin.y * scale;
         o[2][i] = ray.origin.z * scale;
@@ -9305,29 +9433,89 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_pack
         d[2][i] = ray.direction.z * scale;
         packet->t_min[i] = ray.t_min;
         packet->best_t[i] = ray.t_max;
-        packet->ray[i] = first + i;
-        packet->instance[i] = packet->primitive[i] = HYK_NONE;
     }
     if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
     HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
     bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
     if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
-    hyi_set_group(&order, packet->group);
+    hyi_group_axes(packet->group, axis);
     for (int a = 0; a < 3; a++) {
         HYI_FW v = HYI_LOADW(d[a]);
         if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
         v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
         HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
-        HYI_STOREW(packet->origin[a], HYI_LOADW(o[order.axis[a]]));
-        HYI_STOREW(packet->direction[a], HYI_LOADW(d[order.axis[a]]));
+        HYI_STOREW(packet->origin[a], HYI_LOADW(o[axis[a]]));
+        HYI_STOREW(packet->direction[a], HYI_LOADW(d[axis[a]]));
     }
     HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
     HYI_STOREW(packet->best_t, limit);
     HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
     HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
     HYI_I(hyi_shear_packet)(packet);
+    return true;
+}
+
+/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+    }
     packet->count = HYI_LANES;
-    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+    return HYI_I(hyi_load_rays)(swarm->site.bvh, swarm->rays, packet->ray, packet, o, inverse) &&
+           HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t group, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+    HYI_FW reach[3], zero = HYI_ZEROW();
+    for (int a = 0; a < 3; a++) {
+        HYI_FW below = HYI_SUBW(HYI_LOADW(o[a]), HYI_SETW(box->lower[a])), above = HYI_SUBW(HYI_SETW(box->upper[a]), HYI_LOADW(o[a]));
+        reach[a] = HYI_MAXW(HYI_MAXW(below, HYI_SUBW(zero, below)), HYI_MAXW(above, HYI_SUBW(zero, above)));
+    }
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(o[a]), size = HYI_MAXW(v, HYI_SUBW(zero, v)), back = HYI_SUBW(zero, HYI_LOADW(inverse[a]));
+        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], reach[group >> 3])), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
+        bound = (group >> a & 1u) ? HYI_SUBW(zero, bound) : bound;
+        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
+        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+    }
+}
+
+/* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
+    hyi_packet packet;
+    uint32_t axis[3];
+    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &packet, o, inverse)) return false;
+    HYI_I(hyi_offset_lanes)(&bvh->scaled, packet.group, o, inverse, near_offset, far_offset);
+    hyi_group_axes(packet.group, axis);
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &flights[i];
+        for (uint32_t a = 0; a < 3; a++) {
+            flight->aim.inverse[a] = inverse[a][i];
+            flight->aim.near_offset[a] = near_offset[a][i];
+            flight->aim.far_offset[a] = far_offset[a][i];
+            flight->aim.origin[a] = packet.origin[a][i];
+            flight->aim.direction[a] = packet.direction[a][i];
+            flight->aim.axis[a] = axis[a];
+            flight->aim.near_plane[a] = 2u * a + (packet.group >> a & 1u);
+        }
+        flight->aim.shear[0] = packet.shear[0][i];
+        flight->aim.shear[1] = packet.shear[1][i];
+        flight->aim.inverse_z = packet.inverse_z[i];
+        flight->aim.t_near = packet.t_near[i];
+        flight->aim.t_far = packet.t_far[i];
+        flight->aim.unit = flight->aim.inverse_unit = 1.0;
+        flight->best.t = packet.best_t[i];
+        flight->best.u = flight->best.v = 0.0f;
+        flight->best.instance = flight->best.primitive = HYK_NONE;
+        flight->t_min = packet.t_min[i];
+        flight->ray = &rays[numbers[i]];
+    }
+    return true;
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
@@ -10370,12 +10558,14 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
     }
 }
 
-/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
-    float o[3][HYI_PACKET_WIDTH], d[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], scale = swarm->site.bvh->scale;
-    hyi_swarm order;
+/* What packets and flights have in common of HYI_LANES rays, by their numbers; false: they are of several groups, unsound,
+   or of uncommon size. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
+                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float d[3][HYI_PACKET_WIDTH], scale = bvh->scale;
+    uint32_t axis[3];
     for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyk_ray ray = hyi_load_ray(&swarm->rays[first + i]);
+        hyk_ray ray = hyi_load_ray(&rays[numbers[i]]);
         o[0][i] = ray.origin.x * scale;
         o[1][i] = ray.origin.y * scale;
         o[2][i] = ray.origin.z * scale;
@@ -10384,29 +10574,89 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_pack
         d[2][i] = ray.direction.z * scale;
         packet->t_min[i] = ray.t_min;
         packet->best_t[i] = ray.t_max;
-        packet->ray[i] = first + i;
-        packet->instance[i] = packet->primitive[i] = HYK_NONE;
     }
     if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
     HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
     bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
     if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
-    hyi_set_group(&order, packet->group);
+    hyi_group_axes(packet->group, axis);
     for (int a = 0; a < 3; a++) {
         HYI_FW v = HYI_LOADW(d[a]);
         if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
         v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
         HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
-        HYI_STOREW(packet->origin[a], HYI_LOADW(o[order.axis[a]]));
-        HYI_STOREW(packet->direction[a], HYI_LOADW(d[order.axis[a]]));
+        HYI_STOREW(packet->origin[a], HYI_LOADW(o[axis[a]]));
+        HYI_STOREW(packet->direction[a], HYI_LOADW(d[axis[a]]));
     }
     HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
     HYI_STOREW(packet->best_t, limit);
     HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
     HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
     HYI_I(hyi_shear_packet)(packet);
+    return true;
+}
+
+/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+    }
     packet->count = HYI_LANES;
-    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+    return HYI_I(hyi_load_rays)(swarm->site.bvh, swarm->rays, packet->ray, packet, o, inverse) &&
+           HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t group, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+    HYI_FW reach[3], zero = HYI_ZEROW();
+    for (int a = 0; a < 3; a++) {
+        HYI_FW below = HYI_SUBW(HYI_LOADW(o[a]), HYI_SETW(box->lower[a])), above = HYI_SUBW(HYI_SETW(box->upper[a]), HYI_LOADW(o[a]));
+        reach[a] = HYI_MAXW(HYI_MAXW(below, HYI_SUBW(zero, below)), HYI_MAXW(above, HYI_SUBW(zero, above)));
+    }
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = HYI_LOADW(o[a]), size = HYI_MAXW(v, HYI_SUBW(zero, v)), back = HYI_SUBW(zero, HYI_LOADW(inverse[a]));
+        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], reach[group >> 3])), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
+        bound = (group >> a & 1u) ? HYI_SUBW(zero, bound) : bound;
+        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
+        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+    }
+}
+
+/* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
+    hyi_packet packet;
+    uint32_t axis[3];
+    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &packet, o, inverse)) return false;
+    HYI_I(hyi_offset_lanes)(&bvh->scaled, packet.group, o, inverse, near_offset, far_offset);
+    hyi_group_axes(packet.group, axis);
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &flights[i];
+        for (uint32_t a = 0; a < 3; a++) {
+            flight->aim.inverse[a] = inverse[a][i];
+            flight->aim.near_offset[a] = near_offset[a][i];
+            flight->aim.far_offset[a] = far_offset[a][i];
+            flight->aim.origin[a] = packet.origin[a][i];
+            flight->aim.direction[a] = packet.direction[a][i];
+            flight->aim.axis[a] = axis[a];
+            flight->aim.near_plane[a] = 2u * a + (packet.group >> a & 1u);
+        }
+        flight->aim.shear[0] = packet.shear[0][i];
+        flight->aim.shear[1] = packet.shear[1][i];
+        flight->aim.inverse_z = packet.inverse_z[i];
+        flight->aim.t_near = packet.t_near[i];
+        flight->aim.t_far = packet.t_far[i];
+        flight->aim.unit = flight->aim.inverse_unit = 1.0;
+        flight->best.t = packet.best_t[i];
+        flight->best.u = flight->best.v = 0.0f;
+        flight->best.instance = flight->best.primitive = HYK_NONE;
+        flight->t_min = packet.t_min[i];
+        flight->ray = &rays[numbers[i]];
+    }
+    return true;
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
@@ -11108,29 +11358,41 @@ HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, hyk_h
 
 /* ---- streams */
 
-#define HYI_STREAM_AHEAD 12u /* rays whose loads are asked for ahead */
-
 HYI_INLINE uint8_t hyi_direction_key(hyk_vec3 d) {
     float x = fabsf(d.x), y = fabsf(d.y), z = fabsf(d.z);
     uint32_t axis = z > x && z > y ? 2u : x >= y ? 0u : 1u;
     return (uint8_t)((d.x < 0.0f ? 1u : 0u) | (d.y < 0.0f ? 2u : 0u) | (d.z < 0.0f ? 4u : 0u) | axis << 3);
 }
 
+/* Begins the flights of some rays one by one; those that meet nothing are answered at once. Returns how many fly. */
+HYI_FN uint32_t hyi_begin_each(const hyi_site *site, hyi_flight *flights, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+                               const uint32_t *order, uint32_t count, bool *sound) {
+    uint32_t flying = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t k = order[i];
+        if (hyi_flight_begin(&flights[flying], site->bvh, &rays[k], FLT_MAX)) {
+            flying++;
+        } else {
+            *sound = hyi_was_sound(&rays[k]) && *sound;
+            hyi_tell(site->accel, &flights[flying], hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
+        }
+    }
+    return flying;
+}
+
 /* count rays, at most capacity, by their numbers in order. */
 HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
                             const uint32_t *order, uint32_t count) {
-    uint32_t flying = 0;
+    uint32_t flying = 0, lanes = hyi_isa_lanes(site->accel->isa);
     bool sound = true;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &stream->flights[flying];
-        uint32_t k = order[i];
-        if (i + HYI_STREAM_AHEAD < count) hyi_prefetch(&rays[order[i + HYI_STREAM_AHEAD]]);
-        if (hyi_flight_begin(flight, site->bvh, &rays[k], FLT_MAX)) {
-            flying++;
-        } else {
-            sound = hyi_was_sound(&rays[k]) && sound;
-            hyi_tell(site->accel, flight, hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
-        }
+    for (uint32_t first = 0; first < count; first += lanes) {
+        uint32_t some = count - first < lanes ? count - first : lanes;
+        bool together = false;
+        for (uint32_t i = first + lanes; i < count && i < first + 2u * lanes; i++) hyi_prefetch(&rays[order[i]]);
+        if (some == lanes && site->bvh->rows)
+            HYI_DISPATCH_VECTOR(site->accel->isa, together = hyi_begin_flights, (site->bvh, rays, order + first, stream->flights + flying))
+        if (together) flying += lanes;
+        else flying += hyi_begin_each(site, stream->flights + flying, rays, hits, occluded, order + first, some, &sound);
     }
     HYI_DISPATCH_VECTOR(site->accel->isa, hyi_run_flights, (site, stream, flying, stream->lists, false, occluded != NULL))
     for (uint32_t i = 0; i < flying; i++) {

@@ -79,13 +79,18 @@ HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
     return (aim->near_plane[0] & 1u) | (aim->near_plane[1] & 1u) << 1 | (aim->near_plane[2] & 1u) << 2 | aim->axis[2] << 3;
 }
 
+/* hyi_aim.axis of the rays of a group. */
+HYI_INLINE void hyi_group_axes(uint32_t group, uint32_t axis[3]) {
+    uint32_t z = group >> 3;
+    axis[0] = z == 2u ? 0u : z + 1u;
+    axis[1] = z == 0u ? 2u : z - 1u;
+    axis[2] = z;
+}
+
 /* What rays of a group have in common. */
 HYI_INLINE void hyi_set_group(hyi_swarm *swarm, uint32_t group) {
-    uint32_t z = group >> 3;
     for (uint32_t a = 0; a < 3; a++) swarm->near_plane[a] = 2u * a + (group >> a & 1u);
-    swarm->axis[0] = z == 2u ? 0u : z + 1u;
-    swarm->axis[1] = z == 0u ? 2u : z - 1u;
-    swarm->axis[2] = z;
+    hyi_group_axes(group, swarm->axis);
 }
 
 /* Numbers of count keys below HYI_RAY_GROUPS in the order of the keys, stable; first[g] .. first[g + 1]: those of group g. */

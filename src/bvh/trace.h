@@ -112,29 +112,41 @@ HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, hyk_h
 
 /* ---- streams */
 
-#define HYI_STREAM_AHEAD 12u /* rays whose loads are asked for ahead */
-
 HYI_INLINE uint8_t hyi_direction_key(hyk_vec3 d) {
     float x = fabsf(d.x), y = fabsf(d.y), z = fabsf(d.z);
     uint32_t axis = z > x && z > y ? 2u : x >= y ? 0u : 1u;
     return (uint8_t)((d.x < 0.0f ? 1u : 0u) | (d.y < 0.0f ? 2u : 0u) | (d.z < 0.0f ? 4u : 0u) | axis << 3);
 }
 
+/* Begins the flights of some rays one by one; those that meet nothing are answered at once. Returns how many fly. */
+HYI_FN uint32_t hyi_begin_each(const hyi_site *site, hyi_flight *flights, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+                               const uint32_t *order, uint32_t count, bool *sound) {
+    uint32_t flying = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t k = order[i];
+        if (hyi_flight_begin(&flights[flying], site->bvh, &rays[k], FLT_MAX)) {
+            flying++;
+        } else {
+            *sound = hyi_was_sound(&rays[k]) && *sound;
+            hyi_tell(site->accel, &flights[flying], hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
+        }
+    }
+    return flying;
+}
+
 /* count rays, at most capacity, by their numbers in order. */
 HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
                             const uint32_t *order, uint32_t count) {
-    uint32_t flying = 0;
+    uint32_t flying = 0, lanes = hyi_isa_lanes(site->accel->isa);
     bool sound = true;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &stream->flights[flying];
-        uint32_t k = order[i];
-        if (i + HYI_STREAM_AHEAD < count) hyi_prefetch(&rays[order[i + HYI_STREAM_AHEAD]]);
-        if (hyi_flight_begin(flight, site->bvh, &rays[k], FLT_MAX)) {
-            flying++;
-        } else {
-            sound = hyi_was_sound(&rays[k]) && sound;
-            hyi_tell(site->accel, flight, hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
-        }
+    for (uint32_t first = 0; first < count; first += lanes) {
+        uint32_t some = count - first < lanes ? count - first : lanes;
+        bool together = false;
+        for (uint32_t i = first + lanes; i < count && i < first + 2u * lanes; i++) hyi_prefetch(&rays[order[i]]);
+        if (some == lanes && site->bvh->rows)
+            HYI_DISPATCH_VECTOR(site->accel->isa, together = hyi_begin_flights, (site->bvh, rays, order + first, stream->flights + flying))
+        if (together) flying += lanes;
+        else flying += hyi_begin_each(site, stream->flights + flying, rays, hits, occluded, order + first, some, &sound);
     }
     HYI_DISPATCH_VECTOR(site->accel->isa, hyi_run_flights, (site, stream, flying, stream->lists, false, occluded != NULL))
     for (uint32_t i = 0; i < flying; i++) {

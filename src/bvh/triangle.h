@@ -33,7 +33,6 @@ typedef struct hyi_aim {
     float origin[3], shear[2];            /* in the order of axis */
     float inverse_z;                      /* t here by distance along z */
     float direction[3];                   /* in the order of axis */
-    float near_origin[3], far_origin[3];  /* the origin moved, for rays in packets */
     uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
     uint32_t near_plane[3];               /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
     double unit, inverse_unit;
@@ -98,10 +97,8 @@ HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, cons
         float steady = fabsf(d[a]) >= HYI_STEADY ? d[a] : d[a] < 0.0f ? -HYI_STEADY : HYI_STEADY;
         bool falls = steady < 0.0f;
         aim->inverse[a] = 1.0f / steady;
-        aim->near_origin[a] = falls ? o[a] - bound : o[a] + bound;
-        aim->far_origin[a] = falls ? o[a] + bound : o[a] - bound;
-        aim->near_offset[a] = -aim->near_origin[a] * aim->inverse[a];
-        aim->far_offset[a] = -aim->far_origin[a] * aim->inverse[a];
+        aim->near_offset[a] = -(falls ? o[a] - bound : o[a] + bound) * aim->inverse[a];
+        aim->far_offset[a] = -(falls ? o[a] + bound : o[a] - bound) * aim->inverse[a];
         aim->near_plane[a] = 2u * (uint32_t)a + (falls ? 1u : 0u);
     }
 }
