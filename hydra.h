@@ -169,7 +169,7 @@ typedef struct hydra_view {
 /* ---------------------------------------------------------------- context */
 
 /* alloc returns size bytes aligned to 64, or NULL; release gets the size that alloc was asked for.
-   Both may be called from the thread that called hydra and from its worker threads. */
+   Both may be called from the thread that called hydra, from its worker threads, and from any thread that casts rays. */
 typedef struct hydra_allocator {
     void *(*alloc)(void *user, size_t size);
     void (*release)(void *user, void *memory, size_t size);
@@ -431,7 +431,29 @@ typedef struct hydra_scene_info {
 
 HYDRA_API hydra_result hydra_scene_get_info(const hydra_scene *scene, hydra_scene_info *info);
 
-/* ---------------------------------------------------------------- ray queries */
+/* ---------------------------------------------------------------- ray queries
+
+   Rays on their own: picking, visibility, physics, or a renderer of your own. What they need is a context, a scene with
+   meshes and instances, and a commit; materials matter only where they cut holes (alpha), lights only where they have a
+   shape that can be hit. A program that uses no more than this and defines HYDRA_STATIC (or links with
+   -ffunction-sections -Wl,--gc-sections) gets a third of the library's code.
+
+   Guarantees. Watertight: a ray through a shared edge or vertex hits one of the triangles around it. Exact: among
+   triangles the nearest is decided in double from the float coordinates given, t is rounded once; there is no epsilon,
+   t_min 0 is allowed, and a ray that starts exactly in the plane of a triangle meets it at t 0. The same ray gets the
+   same answer, bit for bit, alone or in any batch, in any order, with any number of threads and any instruction set.
+
+   Speed. One call with many rays beats many calls: from some fifty rays on they go through the tree together. Best is an
+   order in which neighbours are alike (the pixels of a small block, then their shadow rays): those go as packets. Others
+   are sorted by direction within 65536, so give as many a call as there are. Use several threads by calling from several,
+   each with its share. `make bench-rays` measures all this.
+
+   Memory. A call with fifty or more rays takes a block from the allocator and returns it: about a kilobyte a ray, never
+   more than 6 MB (10 MB in scenes with instances). Where the allocator or the cap refuses, the answers are the same, later.
+   Descriptors of rays and hits are the caller's; nothing is kept.
+
+   Changing scenes. Mark meshes that move or change as dynamic; see hydra_scene_move_vertices, HYDRA_BUILD_FAST and
+   hydra_scene_save_trees. */
 
 typedef struct hydra_ray {
     float origin[3], t_min;    /* points on the ray: origin + t direction, t_min <= t <= t_max */
@@ -450,10 +472,10 @@ typedef struct hydra_hit {
     float normal[3];    /* geometric, unit length, world space, towards the front face */
 } hydra_hit;
 
-/* Closest hits of count rays. Ties go to the smallest instance, then triangle. Alpha is honoured.
-   Any number of threads may call it on one committed scene; runs in the calling thread.
-   Rays with NaN or infinite origin or direction, or a zero direction, miss; the first such ray is
-   reported as HYDRA_ERROR_RAY after all others were answered. */
+/* Closest hits of count rays: hits[i] belongs to rays[i]. Ties go to the smallest instance, then triangle. Alpha is
+   honoured. Any number of threads may call it on one committed scene; runs in the calling thread.
+   Rays with NaN or infinite origin, direction or t_min, a zero direction, or t_max below t_min miss; that there were some
+   is reported as HYDRA_ERROR_RAY after all others were answered. */
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count);
 /* occluded[i] is 1 if anything lies on ray i, else 0. As above otherwise. */
 HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydra_ray *rays, uint8_t *occluded, size_t count);
@@ -669,9 +691,15 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>shared-camera            rays of the sensors
      >>shared-path              one vertex of a path: emission found, light sampled, next direction
      >>bvh-layout               what a built tree looks like in memory
-     >>bvh-build-refs           the primitives of a build: bounds and ids, degenerate triangles dropped
+     >>bvh-build-vector         four floats at a time for the builder: boxes as two of them
+     >>bvh-build-refs           the primitives of a build: boxes and ids, degenerate triangles dropped
      >>bvh-build-split          where to cut a range of primitives: binned surface area heuristic
+     >>bvh-build-spatial        spatial splits: parts of triangles on both sides of a plane
+     >>bvh-build-part           a range of references becomes two: who goes where, and who owns which places
      >>bvh-build-tree           the binary tree: large ranges cut by all threads together, small ones a thread each
+     >>bvh-build-cost           which subtrees of the binary tree become wide nodes and leaves
+     >>bvh-build-collapse       from the binary tree to eight-wide nodes and rows of triangles
+     >>bvh-build                from triangles or boxes to a tree
      >>bvh-triangle             a ray made ready for one tree, and the watertight triangle test
      >>bvh-walk                 what rays can meet, one ray on its way through a tree, and who decides on a triangle
      >>bvh-stream               many rays through a tree together
@@ -680,8 +708,6 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>bvh-avx512               traversal in the words of AVX-512: sixteen rays a packet, lists dealt by compression
      >>bvh-sse42                traversal in the words of SSE4.2: eight lanes are two times four
      >>bvh-neon                 traversal in the words of NEON: eight lanes are two times four
-     >>bvh-build-collapse       from the binary tree to eight-wide nodes and rows of triangles
-     >>bvh-build                from triangles or boxes to a tree
      >>bvh-trace                what the renderer calls: batches of rays against surfaces, then against light shapes
      >>scene                    what a scene holds, and its life
      >>scene-validate           checks shared by all descriptors; each names its error
@@ -5229,32 +5255,203 @@ HYI_INLINE double hyi_box_area(const hyi_box *box) {
 
 #endif /* HYI_BVH_LAYOUT_H */
 
-/* >>bvh-build-refs: the primitives of a build: bounds and ids, degenerate triangles dropped */
+/* >>bvh-build-vector: four floats at a time for the builder: boxes as two of them
+
+   What the instruction set of every machine of its kind has: SSE2, NEON, or plain C. Lane 3 is along for
+   the ride: nothing that is asked of a box looks at it. */
+#ifndef HYI_BVH_BUILD_VECTOR_H
+#define HYI_BVH_BUILD_VECTOR_H
+
+#if HYI_X86
+
+typedef __m128 hyi_four;
+HYI_INLINE hyi_four hyi_four_all(float x) { return _mm_set1_ps(x); }
+HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) { return _mm_setr_ps(x, y, z, 0.0f); }
+HYI_INLINE hyi_four hyi_four_load(const float *p) { return _mm_loadu_ps(p); }
+HYI_INLINE void hyi_four_store(float *p, hyi_four a) { _mm_storeu_ps(p, a); }
+HYI_INLINE hyi_four hyi_four_min(hyi_four a, hyi_four b) { return _mm_min_ps(a, b); }
+HYI_INLINE hyi_four hyi_four_max(hyi_four a, hyi_four b) { return _mm_max_ps(a, b); }
+HYI_INLINE hyi_four hyi_four_add(hyi_four a, hyi_four b) { return _mm_add_ps(a, b); }
+HYI_INLINE hyi_four hyi_four_sub(hyi_four a, hyi_four b) { return _mm_sub_ps(a, b); }
+HYI_INLINE hyi_four hyi_four_mul(hyi_four a, hyi_four b) { return _mm_mul_ps(a, b); }
+HYI_INLINE hyi_four hyi_four_turn(hyi_four a) { return _mm_shuffle_ps(a, a, _MM_SHUFFLE(3, 0, 2, 1)); }
+HYI_INLINE float hyi_four_sum(hyi_four a) {
+    return _mm_cvtss_f32(_mm_add_ss(_mm_add_ss(a, _mm_shuffle_ps(a, a, 1)), _mm_movehl_ps(a, a)));
+}
+HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { _mm_storeu_si128((__m128i *)(void *)to, _mm_cvttps_epi32(a)); }
+/* Whether a > b in x, y or z. */
+HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return (_mm_movemask_ps(_mm_cmpgt_ps(a, b)) & 7) != 0; }
+
+#elif HYI_NEON
+
+typedef float32x4_t hyi_four;
+HYI_INLINE hyi_four hyi_four_all(float x) { return vdupq_n_f32(x); }
+HYI_INLINE hyi_four hyi_four_load(const float *p) { return vld1q_f32(p); }
+HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) {
+    const float lanes[4] = {x, y, z, 0.0f};
+    return vld1q_f32(lanes);
+}
+HYI_INLINE void hyi_four_store(float *p, hyi_four a) { vst1q_f32(p, a); }
+HYI_INLINE hyi_four hyi_four_min(hyi_four a, hyi_four b) { return vminq_f32(a, b); }
+HYI_INLINE hyi_four hyi_four_max(hyi_four a, hyi_four b) { return vmaxq_f32(a, b); }
+HYI_INLINE hyi_four hyi_four_add(hyi_four a, hyi_four b) { return vaddq_f32(a, b); }
+HYI_INLINE hyi_four hyi_four_sub(hyi_four a, hyi_four b) { return vsubq_f32(a, b); }
+HYI_INLINE hyi_four hyi_four_mul(hyi_four a, hyi_four b) { return vmulq_f32(a, b); }
+HYI_INLINE hyi_four hyi_four_turn(hyi_four a) { return vsetq_lane_f32(vgetq_lane_f32(a, 0), vextq_f32(a, a, 1), 2); }
+HYI_INLINE float hyi_four_sum(hyi_four a) { return vgetq_lane_f32(a, 0) + vgetq_lane_f32(a, 1) + vgetq_lane_f32(a, 2); }
+HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { vst1q_s32(to, vcvtq_s32_f32(a)); }
+HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) {
+    uint32x4_t more = vcgtq_f32(a, b);
+    return (vgetq_lane_u32(more, 0) | vgetq_lane_u32(more, 1) | vgetq_lane_u32(more, 2)) != 0u;
+}
+
+#else
+
+typedef struct hyi_four {
+    float f[4];
+} hyi_four;
+#define HYI_FOUR_OP(name, expression)                                     \
+    HYI_INLINE hyi_four name(hyi_four a, hyi_four b) {                    \
+        hyi_four r;                                                       \
+        for (int i = 0; i < 4; i++) r.f[i] = (expression);                \
+        return r;                                                         \
+    }
+HYI_FOUR_OP(hyi_four_min, a.f[i] < b.f[i] ? a.f[i] : b.f[i])
+HYI_FOUR_OP(hyi_four_max, a.f[i] > b.f[i] ? a.f[i] : b.f[i])
+HYI_FOUR_OP(hyi_four_add, a.f[i] + b.f[i])
+HYI_FOUR_OP(hyi_four_sub, a.f[i] - b.f[i])
+HYI_FOUR_OP(hyi_four_mul, a.f[i] * b.f[i])
+#undef HYI_FOUR_OP
+HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) {
+    hyi_four r;
+    r.f[0] = x;
+    r.f[1] = y;
+    r.f[2] = z;
+    r.f[3] = 0.0f;
+    return r;
+}
+HYI_INLINE hyi_four hyi_four_all(float x) {
+    hyi_four r = hyi_four_make(x, x, x);
+    r.f[3] = x;
+    return r;
+}
+HYI_INLINE hyi_four hyi_four_load(const float *p) {
+    hyi_four r = hyi_four_make(p[0], p[1], p[2]);
+    r.f[3] = p[3];
+    return r;
+}
+HYI_INLINE void hyi_four_store(float *p, hyi_four a) { memcpy(p, a.f, sizeof a.f); }
+HYI_INLINE hyi_four hyi_four_turn(hyi_four a) {
+    hyi_four r = hyi_four_make(a.f[1], a.f[2], a.f[0]);
+    r.f[3] = a.f[3];
+    return r;
+}
+HYI_INLINE float hyi_four_sum(hyi_four a) { return a.f[0] + a.f[1] + a.f[2]; }
+HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) {
+    for (int i = 0; i < 4; i++) to[i] = (int32_t)a.f[i];
+}
+HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return a.f[0] > b.f[0] || a.f[1] > b.f[1] || a.f[2] > b.f[2]; }
+
+#endif
+
+/* Keeps a value as rounded, so that it is the same wherever it is computed again: see hyi_rounded. */
+HYI_INLINE hyi_four hyi_four_rounded(hyi_four a) {
+#if HYI_GNU && HYI_X86
+    __asm__("" : "+x"(a));
+#elif HYI_GNU && HYI_NEON
+    __asm__("" : "+w"(a));
+#elif !HYI_X86 && !HYI_NEON
+    for (int i = 0; i < 4; i++) a.f[i] = hyi_rounded(a.f[i]);
+#endif
+    return a;
+}
+
+/* ---- boxes */
+
+typedef struct hyi_bounds {
+    hyi_four lower, upper;
+} hyi_bounds;
+
+HYI_INLINE hyi_bounds hyi_bounds_empty(void) {
+    hyi_bounds b;
+    b.lower = hyi_four_all(HYI_EMPTY_PLANE);
+    b.upper = hyi_four_all(-HYI_EMPTY_PLANE);
+    return b;
+}
+
+HYI_INLINE void hyi_bounds_add(hyi_bounds *b, hyi_four lower, hyi_four upper) {
+    b->lower = hyi_four_min(b->lower, lower);
+    b->upper = hyi_four_max(b->upper, upper);
+}
+
+HYI_INLINE void hyi_bounds_meet(hyi_bounds *b, const hyi_bounds *with) {
+    b->lower = hyi_four_max(b->lower, with->lower);
+    b->upper = hyi_four_min(b->upper, with->upper);
+}
+
+HYI_INLINE bool hyi_bounds_are_empty(const hyi_bounds *b) { return hyi_four_exceeds(b->lower, b->upper); }
+
+/* Half of the surface; of an empty box 0. Coordinates are scaled: what gets lost in float is too small to matter. */
+HYI_INLINE float hyi_bounds_area(const hyi_bounds *b) {
+    hyi_four size = hyi_four_max(hyi_four_sub(b->upper, b->lower), hyi_four_all(0.0f));
+    return hyi_four_sum(hyi_four_mul(size, hyi_four_turn(size)));
+}
+
+HYI_INLINE float hyi_bounds_area_with(const hyi_bounds *b, hyi_four lower, hyi_four upper) {
+    hyi_bounds grown = *b;
+    hyi_bounds_add(&grown, lower, upper);
+    return hyi_bounds_area(&grown);
+}
+
+HYI_INLINE void hyi_bounds_store(const hyi_bounds *b, float *lower, float *upper) {
+    float lanes[4];
+    hyi_four_store(lanes, b->lower);
+    memcpy(lower, lanes, 3 * sizeof *lower);
+    hyi_four_store(lanes, b->upper);
+    memcpy(upper, lanes, 3 * sizeof *upper);
+}
+
+HYI_INLINE hyi_bounds hyi_bounds_load(const float *lower, const float *upper) {
+    hyi_bounds b;
+    b.lower = hyi_four_make(lower[0], lower[1], lower[2]);
+    b.upper = hyi_four_make(upper[0], upper[1], upper[2]);
+    return b;
+}
+
+#endif /* HYI_BVH_BUILD_VECTOR_H */
+
+/* >>bvh-build-refs: the primitives of a build: boxes and ids, degenerate triangles dropped */
 #ifndef HYI_BVH_BUILD_REFS_H
 #define HYI_BVH_BUILD_REFS_H
 
 /* Work is cut into pieces of this many primitives whatever the number of threads: same pieces, same tree. */
-#define HYI_BUILD_CHUNK 8192u
+#define HYI_BUILD_CHUNK 4096u
 
+/* References that spatial splits may add, in percent of the triangles: memory for them is known before the build. */
+#define HYI_BUILD_EXTRA_PERCENT 40u
+
+/* A primitive, or with spatial splits the part of one that lies in a cell. Lane 3 of lower holds the id, made
+   a float of moderate size so that arithmetic on all lanes never meets a denormal there. */
 typedef struct hyi_ref {
-    float lower[3];
-    uint32_t id;
-    float upper[3];
-    uint32_t unused;
+    float lower[4], upper[4];
 } hyi_ref;
+#define HYI_REF_ID_BITS 0x40000000u
 
-/* A node of the binary tree that the wide one is made from. The two children of a node whose range is
-   cut at slot m are nodes 2 (m - 1) and 2 (m - 1) + 1: no two cuts share an m, so places need no counter
-   and come out the same on any thread. */
+/* A node of the binary tree that the wide one is made from. */
 typedef struct hyi_build_node {
-    hyi_box box;
-    uint32_t first, count;
-    uint32_t left; /* HYI_CHILD_NONE: a leaf */
+    float lower[3];
+    uint32_t first; /* inner: its left child, the right one follows; leaf: its first reference */
+    float upper[3];
+    uint32_t count; /* of references; HYI_BUILD_INNER: those it had before it was cut */
 } hyi_build_node;
+#define HYI_BUILD_INNER 0x80000000u
 
-/* Bounds and number of the primitives in one chunk. */
+HYI_INLINE bool hyi_build_is_leaf(const hyi_build_node *node) { return (node->count & HYI_BUILD_INNER) == 0u; }
+
+/* What one chunk of the source has. */
 typedef struct hyi_chunk_sum {
-    hyi_box box;
+    hyi_bounds box, centroids;
+    double area;
     uint32_t kept, first;
 } hyi_chunk_sum;
 
@@ -5264,22 +5461,55 @@ typedef struct hyi_build {
     const uint32_t *indices;
     const hyi_box *boxes;     /* or boxes */
     uint32_t source_count, ref_count;
+    uint32_t capacity;        /* places for references: ref_count and what spatial splits may add */
     uint32_t leaf_max;
+    bool best;                /* spatial splits, down to single triangles; leaves are chosen afterwards */
     float scale;
-    hyi_ref *refs, *other;    /* other: where large ranges are partitioned to */
+    hyi_ref *refs, *other;    /* other: where ranges are partitioned to */
     hyi_build_node *nodes;
     uint32_t node_capacity;
+    struct hyi_cost *costs;   /* of subtrees, by node */
     hyi_chunk_sum *chunks;
     uint32_t chunk_count;
     struct hyi_chunk_split *chunk_splits;
-    struct hyi_range *tasks; /* small ranges, a subtree each */
+    uint32_t chunk_split_count;
+    struct hyi_range *tasks;  /* small ranges, a subtree each */
     uint32_t task_count, task_capacity;
+    struct hyi_wide_task *wide_tasks;
+    uint32_t wide_task_count, wide_task_capacity;
+    hyi_bounds root_box, root_centroids;
+    float root_area;
     hyi_bvh *bvh;
 } hyi_build;
 
+HYI_INLINE uint32_t hyi_ref_id(const hyi_ref *ref) {
+    uint32_t bits;
+    memcpy(&bits, &ref->lower[3], sizeof bits);
+    return bits & ~HYI_REF_ID_BITS;
+}
+
+/* The box with the id of another reference, or with its own where it was made from one: lane 3 is not kept by boxes. */
+HYI_INLINE void hyi_ref_set(hyi_ref *ref, const hyi_bounds *box, uint32_t id) {
+    uint32_t bits = id | HYI_REF_ID_BITS;
+    hyi_four_store(ref->lower, box->lower);
+    hyi_four_store(ref->upper, box->upper);
+    memcpy(&ref->lower[3], &bits, sizeof bits);
+    ref->upper[3] = 0.0f;
+}
+
+HYI_INLINE hyi_bounds hyi_ref_box(const hyi_ref *ref) {
+    hyi_bounds box;
+    box.lower = hyi_four_load(ref->lower);
+    box.upper = hyi_four_load(ref->upper);
+    return box;
+}
+
+/* Twice the middle. */
+HYI_INLINE hyi_four hyi_centroid(const hyi_bounds *box) { return hyi_four_rounded(hyi_four_add(box->lower, box->upper)); }
+
 /* Whether the triangle spans no area: equal corners or a cross product of zero. Differences of floats of
    similar size are exact in double, and so are their products up to the last bits. */
-HYI_FN bool hyi_triangle_is_degenerate(const float *a, const float *b, const float *c) {
+HYI_INLINE bool hyi_triangle_is_degenerate(const float *a, const float *b, const float *c) {
     double e[3], f[3];
     for (int i = 0; i < 3; i++) {
         e[i] = (double)b[i] - (double)a[i];
@@ -5288,58 +5518,54 @@ HYI_FN bool hyi_triangle_is_degenerate(const float *a, const float *b, const flo
     return e[1] * f[2] == e[2] * f[1] && e[2] * f[0] == e[0] * f[2] && e[0] * f[1] == e[1] * f[0];
 }
 
-/* Bounds of primitive i of the source; false: drop it. */
-HYI_INLINE bool hyi_source_box(const hyi_build *build, uint32_t i, hyi_box *box) {
+/* Corner of triangle id of the source. */
+HYI_INLINE const float *hyi_source_corner(const hyi_build *build, uint32_t id, uint32_t corner) {
+    return build->positions + 3u * (size_t)build->indices[3u * (size_t)id + corner];
+}
+
+/* Box of primitive i of the source; false: drop it. */
+HYI_INLINE bool hyi_source_box(const hyi_build *build, uint32_t i, hyi_bounds *box) {
     if (build->boxes) {
-        *box = build->boxes[i];
+        *box = hyi_bounds_load(build->boxes[i].lower, build->boxes[i].upper);
         return true;
     }
-    const uint32_t *index = build->indices + 3u * (size_t)i;
-    const float *a = build->positions + 3u * (size_t)index[0];
-    const float *b = build->positions + 3u * (size_t)index[1];
-    const float *c = build->positions + 3u * (size_t)index[2];
-    *box = hyi_box_empty();
-    hyi_box_add(box, a, a);
-    hyi_box_add(box, b, b);
-    hyi_box_add(box, c, c);
+    const float *a = hyi_source_corner(build, i, 0), *b = hyi_source_corner(build, i, 1), *c = hyi_source_corner(build, i, 2);
+    hyi_four p = hyi_four_make(a[0], a[1], a[2]), q = hyi_four_make(b[0], b[1], b[2]), r = hyi_four_make(c[0], c[1], c[2]);
+    box->lower = hyi_four_min(hyi_four_min(p, q), r);
+    box->upper = hyi_four_max(hyi_four_max(p, q), r);
     return !hyi_triangle_is_degenerate(a, b, c);
 }
+
+HYI_INLINE uint32_t hyi_chunks_of(uint32_t count) { return count / HYI_BUILD_CHUNK + (count % HYI_BUILD_CHUNK != 0u); }
 
 HYI_INLINE uint32_t hyi_chunk_end(uint32_t chunk, uint32_t count) {
     uint32_t left = count - chunk * HYI_BUILD_CHUNK;
     return chunk * HYI_BUILD_CHUNK + (left < HYI_BUILD_CHUNK ? left : HYI_BUILD_CHUNK);
 }
 
-HYI_FN void hyi_sum_chunk(void *argument, uint32_t chunk) {
+/* Writes the references of a chunk from its place on, in the source's order, scaled. */
+HYI_FN void hyi_fill_chunk(void *argument, uint32_t chunk) {
     hyi_build *build = (hyi_build *)argument;
     hyi_chunk_sum sum;
-    sum.box = hyi_box_empty();
-    sum.kept = sum.first = 0;
+    sum.box = sum.centroids = hyi_bounds_empty();
+    sum.first = build->chunks[chunk].first;
+    sum.kept = 0;
+    sum.area = 0.0;
+    hyi_ref *out = build->refs + sum.first;
+    hyi_four scale = hyi_four_all(build->scale);
     uint32_t end = hyi_chunk_end(chunk, build->source_count);
     for (uint32_t i = chunk * HYI_BUILD_CHUNK; i < end; i++) {
-        hyi_box box;
+        hyi_bounds box;
         if (!hyi_source_box(build, i, &box)) continue;
-        hyi_box_add(&sum.box, box.lower, box.upper);
+        box.lower = hyi_four_mul(box.lower, scale);
+        box.upper = hyi_four_mul(box.upper, scale);
+        hyi_bounds_add(&sum.box, box.lower, box.upper);
+        hyi_four centroid = hyi_centroid(&box);
+        hyi_bounds_add(&sum.centroids, centroid, centroid);
+        hyi_ref_set(out + sum.kept, &box, i);
         sum.kept++;
     }
     build->chunks[chunk] = sum;
-}
-
-HYI_FN void hyi_fill_chunk(void *argument, uint32_t chunk) {
-    hyi_build *build = (hyi_build *)argument;
-    hyi_ref *out = build->refs + build->chunks[chunk].first;
-    uint32_t end = hyi_chunk_end(chunk, build->source_count);
-    for (uint32_t i = chunk * HYI_BUILD_CHUNK; i < end; i++) {
-        hyi_box box;
-        if (!hyi_source_box(build, i, &box)) continue;
-        for (int a = 0; a < 3; a++) {
-            out->lower[a] = box.lower[a] * build->scale;
-            out->upper[a] = box.upper[a] * build->scale;
-        }
-        out->id = i;
-        out->unused = 0;
-        out++;
-    }
 }
 
 /* The power of two that brings the largest coordinate to about 1, or 1 where it is within 2^20 of that. */
@@ -5355,24 +5581,40 @@ HYI_FN float hyi_build_scale(const hyi_box *box) {
     return ldexpf(1.0f, exponent < -126 ? 126 : -exponent);
 }
 
-/* Counts what is kept, sets the bounds and the scale, and fills the references in the source's order. */
-HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
-    build->chunk_count = build->source_count / HYI_BUILD_CHUNK + (build->source_count % HYI_BUILD_CHUNK != 0u);
-    HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
-    hyi_parallel(build->context, build->chunk_count, hyi_sum_chunk, build);
-    hyi_box box = hyi_box_empty();
+/* Adds up the chunks: what is kept, the bounds, and where each chunk would begin without gaps. */
+HYI_FN void hyi_sum_chunks(hyi_build *build) {
+    build->ref_count = 0;
+    build->root_box = build->root_centroids = hyi_bounds_empty();
     for (uint32_t c = 0; c < build->chunk_count; c++) {
-        build->chunks[c].first = build->ref_count;
-        build->ref_count += build->chunks[c].kept;
-        hyi_box_add(&box, build->chunks[c].box.lower, build->chunks[c].box.upper);
+        hyi_chunk_sum *chunk = &build->chunks[c];
+        hyi_bounds_add(&build->root_box, chunk->box.lower, chunk->box.upper);
+        hyi_bounds_add(&build->root_centroids, chunk->centroids.lower, chunk->centroids.upper);
+        chunk->first = build->ref_count;
+        build->ref_count += chunk->kept;
     }
+    build->root_area = hyi_bounds_area(&build->root_box);
+}
+
+/* Allocates and fills the references, sets the bounds and the scale, and counts what is kept. Unscaled and without
+   gaps, as references nearly always are, one pass does. */
+HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
+    uint32_t extra = build->best ? build->source_count / 100u * HYI_BUILD_EXTRA_PERCENT + build->source_count % 100u : 0u;
+    build->chunk_count = hyi_chunks_of(build->source_count);
+    build->capacity = build->source_count + extra;
+    build->scale = 1.0f;
+    HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
+    HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->capacity));
+    for (uint32_t c = 0; c < build->chunk_count; c++) build->chunks[c].first = c * HYI_BUILD_CHUNK;
+    hyi_parallel(build->context, build->chunk_count, hyi_fill_chunk, build);
+    hyi_sum_chunks(build);
     build->bvh->degenerate = build->source_count - build->ref_count;
     build->bvh->primitive_count = build->ref_count;
     if (build->ref_count == 0) return HYDRA_OK;
-    build->bvh->bounds = box;
-    build->scale = hyi_build_scale(&box);
-    HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->ref_count));
+    hyi_bounds_store(&build->root_box, build->bvh->bounds.lower, build->bvh->bounds.upper);
+    build->scale = hyi_build_scale(&build->bvh->bounds);
+    if (build->ref_count == build->source_count && build->scale == 1.0f) return HYDRA_OK;
     hyi_parallel(build->context, build->chunk_count, hyi_fill_chunk, build);
+    hyi_sum_chunks(build);
     return HYDRA_OK;
 }
 
@@ -5388,132 +5630,137 @@ HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
 
 #define HYI_BINS 32u
 
-/* Expected costs, in visits of a node. A leaf costs one pass over its lanes, and memory by the triangle. */
-#define HYI_COST_NODE 4.0
-#define HYI_COST_LEAF 0.5
-#define HYI_COST_TRIANGLE 0.25
+/* Expected costs while cutting, by the triangle: of a visit to a leaf, and of a node's share that a cut takes. Wide nodes
+   and leaves are chosen afterwards, by the costs in bvh-build-cost. */
+#define HYI_SPLIT_BLOCK 2.0f
+#define HYI_SPLIT_NODE (16.0f / 7.0f)
 
 typedef struct hyi_bins {
-    hyi_box box[3][HYI_BINS];
-    uint32_t count[3][HYI_BINS];
+    hyi_bounds box[HYI_BINS][3];
+    uint32_t count[HYI_BINS][4];
 } hyi_bins;
 
-/* How centroids map to bins; the bin of a primitive is the same wherever it is asked for. Centroids are
-   kept doubled (lower + upper). scale 0: no extent along that axis. */
+/* How doubled centroids map to bins; the bin of a primitive is the same wherever it is asked for. scale 0: no
+   extent along that axis. */
 typedef struct hyi_binning {
-    float origin[3], scale[3];
+    hyi_four origin, scale, last;
     uint32_t count;
+    bool usable[3];
 } hyi_binning;
 
-/* A range that becomes a node, with the bounds of its centroids. */
+/* A range of references that becomes a node. It owns capacity places from first on, and uses count of them. */
 typedef struct hyi_range {
-    hyi_box centroids;
-    uint32_t node, first, count, depth;
+    hyi_bounds box, centroids;
+    uint32_t node, first, count, capacity, depth;
+    bool in_other; /* which array it lies in */
 } hyi_range;
 
 typedef struct hyi_split {
-    double cost;      /* of both sides times the area of the node */
-    int axis;         /* -1: cut in the middle of the range as it lies */
-    uint32_t bin;     /* first bin of the right side */
-    hyi_box left, right;
+    float cost;      /* of both sides times the area of the node */
+    int axis;        /* -1: none */
+    bool spatial;
+    uint32_t bin;    /* first bin of the right side */
+    float plane;     /* of a spatial split */
+    uint32_t left_count, right_count;
+    hyi_bounds left, right;
 } hyi_split;
 
-HYI_INLINE float hyi_centroid(const hyi_ref *ref, int axis) { return ref->lower[axis] + ref->upper[axis]; }
-
-HYI_INLINE void hyi_add_centroid(hyi_box *box, const hyi_ref *ref) {
-    float c[3];
-    for (int a = 0; a < 3; a++) c[a] = hyi_centroid(ref, a);
-    hyi_box_add(box, c, c);
-}
-
-HYI_INLINE hyi_binning hyi_make_binning(const hyi_box *centroids, uint32_t primitives) {
+HYI_INLINE hyi_binning hyi_make_binning(const hyi_bounds *centroids, uint32_t primitives) {
     hyi_binning binning;
-    binning.count = primitives < 4u * HYI_BINS ? 4u + primitives / 8u : HYI_BINS;
-    binning.count = binning.count < HYI_BINS ? binning.count : HYI_BINS;
+    float extent[4], scale[4] = {0.0f, 0.0f, 0.0f, 0.0f};
+    binning.count = primitives < 8u * (HYI_BINS - 4u) ? 4u + primitives / 8u : HYI_BINS;
+    hyi_four_store(extent, hyi_four_sub(centroids->upper, centroids->lower));
     for (int a = 0; a < 3; a++) {
-        float extent = centroids->upper[a] - centroids->lower[a];
-        binning.origin[a] = centroids->lower[a];
-        binning.scale[a] = extent > 1.0e-30f ? (float)binning.count / extent : 0.0f;
+        binning.usable[a] = extent[a] > 1.0e-30f;
+        if (binning.usable[a]) scale[a] = (float)binning.count / extent[a];
     }
+    binning.origin = centroids->lower;
+    binning.scale = hyi_four_load(scale);
+    binning.last = hyi_four_all((float)(binning.count - 1u));
     return binning;
 }
 
-HYI_INLINE uint32_t hyi_bin_of(const hyi_binning *binning, const hyi_ref *ref, int axis) {
-    float offset = hyi_rounded(hyi_rounded(hyi_centroid(ref, axis)) - binning->origin[axis]);
-    int32_t bin = (int32_t)hyi_rounded(offset * binning->scale[axis]);
-    int32_t last = (int32_t)binning->count - 1;
-    bin = bin < last ? bin : last;
-    return (uint32_t)(bin > 0 ? bin : 0);
+/* Bins along all axes. The scale rounds, so that the last bin may be passed: hence the minimum. */
+HYI_INLINE void hyi_bins_of(const hyi_binning *binning, hyi_four centroid, int32_t bin[4]) {
+    hyi_four at = hyi_four_rounded(hyi_four_mul(hyi_four_rounded(hyi_four_sub(centroid, binning->origin)), binning->scale));
+    hyi_four_truncate(hyi_four_min(hyi_four_max(at, hyi_four_all(0.0f)), binning->last), bin);
 }
 
 HYI_FN void hyi_bins_clear(hyi_bins *bins, uint32_t count) {
-    for (int a = 0; a < 3; a++) {
-        for (uint32_t b = 0; b < count; b++) {
-            bins->box[a][b] = hyi_box_empty();
-            bins->count[a][b] = 0;
-        }
+    for (uint32_t b = 0; b < count; b++) {
+        for (int a = 0; a < 3; a++) bins->box[b][a] = hyi_bounds_empty();
+        memset(bins->count[b], 0, sizeof bins->count[b]);
     }
 }
 
 HYI_FN void hyi_bins_fill(hyi_bins *bins, const hyi_binning *binning, const hyi_ref *refs, uint32_t count) {
     for (uint32_t i = 0; i < count; i++) {
+        hyi_bounds box = hyi_ref_box(&refs[i]);
+        int32_t bin[4];
+        hyi_bins_of(binning, hyi_centroid(&box), bin);
         for (int a = 0; a < 3; a++) {
-            uint32_t bin = hyi_bin_of(binning, &refs[i], a);
-            hyi_box_add(&bins->box[a][bin], refs[i].lower, refs[i].upper);
-            bins->count[a][bin]++;
+            hyi_bounds_add(&bins->box[bin[a]][a], box.lower, box.upper);
+            bins->count[bin[a]][a]++;
         }
     }
 }
 
 HYI_FN void hyi_bins_merge(hyi_bins *bins, const hyi_bins *more, uint32_t count) {
-    for (int a = 0; a < 3; a++) {
-        for (uint32_t b = 0; b < count; b++) {
-            hyi_box_add(&bins->box[a][b], more->box[a][b].lower, more->box[a][b].upper);
-            bins->count[a][b] += more->count[a][b];
+    for (uint32_t b = 0; b < count; b++) {
+        for (int a = 0; a < 3; a++) {
+            hyi_bounds_add(&bins->box[b][a], more->box[b][a].lower, more->box[b][a].upper);
+            bins->count[b][a] += more->count[b][a];
         }
     }
 }
 
-/* Expected cost of a subtree of count primitives, were it entered. */
-HYI_INLINE double hyi_primitives_cost(uint32_t count, uint32_t leaf_max) {
-    uint32_t blocks = (count + leaf_max - 1u) / leaf_max;
-    return HYI_COST_LEAF * (double)blocks + HYI_COST_TRIANGLE * (double)count;
+/* Expected cost of a subtree of count primitives, were it entered: leaves test up to HYI_LEAF_MAX at once, which
+   makes ranges that fill them dear to cut. */
+HYI_INLINE float hyi_primitives_cost(uint32_t count) {
+    return HYI_SPLIT_BLOCK * (float)((count + HYI_LEAF_MAX - 1u) / HYI_LEAF_MAX) + (float)count;
 }
 
-/* Sweeps one axis from the right, then from the left. */
-HYI_FN void hyi_best_on_axis(const hyi_bins *bins, uint32_t count, int axis, uint32_t leaf_max, hyi_split *best) {
-    hyi_box right[HYI_BINS];
-    double right_cost[HYI_BINS];
-    hyi_box box = hyi_box_empty();
-    uint32_t primitives = 0;
-    for (uint32_t b = count; b-- > 1u;) {
-        hyi_box_add(&box, bins->box[axis][b].lower, bins->box[axis][b].upper);
-        primitives += bins->count[axis][b];
-        right[b] = box;
-        right_cost[b] = primitives ? hyi_box_area(&box) * hyi_primitives_cost(primitives, leaf_max) : -1.0;
-    }
-    box = hyi_box_empty();
-    primitives = 0;
-    for (uint32_t b = 1; b < count; b++) {
-        hyi_box_add(&box, bins->box[axis][b - 1u].lower, bins->box[axis][b - 1u].upper);
-        primitives += bins->count[axis][b - 1u];
-        if (primitives == 0 || right_cost[b] < 0.0) continue;
-        double cost = hyi_box_area(&box) * hyi_primitives_cost(primitives, leaf_max) + right_cost[b];
-        if (best->axis >= 0 && cost >= best->cost) continue;
-        best->cost = cost;
-        best->axis = axis;
-        best->bin = b;
-        best->left = box;
-        best->right = right[b];
-    }
+/* Both sides of a cut have primitives: what it costs. */
+HYI_INLINE float hyi_cut_cost(float left_area, uint32_t left_count, float right_area, uint32_t right_count) {
+    return left_area * hyi_primitives_cost(left_count) + right_area * hyi_primitives_cost(right_count);
 }
 
-HYI_FN hyi_split hyi_best_split(const hyi_bins *bins, const hyi_binning *binning, uint32_t leaf_max) {
+/* Sweeps all axes from the right, then from the left. */
+HYI_FN hyi_split hyi_best_split(const hyi_bins *bins, const hyi_binning *binning) {
+    float right_area[HYI_BINS][3];
+    uint32_t right_count[HYI_BINS][3], count[3] = {0, 0, 0};
+    hyi_bounds box[3];
     hyi_split best;
     memset(&best, 0, sizeof best);
     best.axis = -1;
-    for (int a = 0; a < 3; a++) {
-        if (binning->scale[a] > 0.0f) hyi_best_on_axis(bins, binning->count, a, leaf_max, &best);
+    for (int a = 0; a < 3; a++) box[a] = hyi_bounds_empty();
+    for (uint32_t b = binning->count; b-- > 1u;) {
+        for (int a = 0; a < 3; a++) {
+            hyi_bounds_add(&box[a], bins->box[b][a].lower, bins->box[b][a].upper);
+            right_area[b][a] = hyi_bounds_area(&box[a]);
+            right_count[b][a] = count[a] += bins->count[b][a];
+        }
+    }
+    for (int a = 0; a < 3; a++) box[a] = hyi_bounds_empty();
+    memset(count, 0, sizeof count);
+    for (uint32_t b = 1; b < binning->count; b++) {
+        for (int a = 0; a < 3; a++) {
+            hyi_bounds_add(&box[a], bins->box[b - 1u][a].lower, bins->box[b - 1u][a].upper);
+            count[a] += bins->count[b - 1u][a];
+            float cost = hyi_cut_cost(hyi_bounds_area(&box[a]), count[a], right_area[b][a], right_count[b][a]);
+            if (count[a] == 0 || right_count[b][a] == 0 || !binning->usable[a] || (best.axis >= 0 && cost >= best.cost)) continue;
+            best.cost = cost;
+            best.axis = a;
+            best.bin = b;
+            best.left = box[a];
+            best.left_count = count[a];
+            best.right_count = right_count[b][a];
+        }
+    }
+    if (best.axis < 0) return best;
+    best.right = hyi_bounds_empty();
+    for (uint32_t b = best.bin; b < binning->count; b++) {
+        hyi_bounds_add(&best.right, bins->box[b][best.axis].lower, bins->box[b][best.axis].upper);
     }
     return best;
 }
@@ -5530,78 +5777,379 @@ HYI_INLINE bool hyi_depth_is_short(uint32_t depth, uint32_t count) {
     return depth + 1u + hyi_levels_to_one(count) >= HYI_TREE_DEPTH;
 }
 
-/* Whether the range is better left a leaf. The children of a node are tested together, so cutting adds no
-   node of its own, only its share of one. */
-HYI_INLINE bool hyi_leaf_is_better(const hyi_split *split, const hyi_box *box, uint32_t count, uint32_t leaf_max) {
-    if (count > leaf_max) return false;
-    double area = hyi_box_area(box);
-    double leaf = hyi_primitives_cost(count, leaf_max) * area;
-    return split->axis < 0 || leaf <= HYI_COST_NODE / (double)(HYI_WIDTH - 1u) * area + split->cost;
-}
-
 #endif /* HYI_BVH_BUILD_SPLIT_H */
 
-/* >>bvh-build-tree: the binary tree: large ranges cut by all threads together, small ones a thread each */
-#ifndef HYI_BVH_BUILD_TREE_H
-#define HYI_BVH_BUILD_TREE_H
+/* >>bvh-build-spatial: spatial splits: parts of triangles on both sides of a plane
 
-/* Ranges above this are cut by all threads together. */
-#define HYI_BUILD_LARGE (4u * HYI_BUILD_CHUNK)
+   Stich, Friedrich, Dietrich 2009, "Spatial splits in bounding volume hierarchies": a range may also be cut by a
+   plane; triangles that cross it are referred to from both sides, each time with the box of the part that lies
+   there. A reference may yet go to one side whole where that is cheaper (reference unsplitting).
 
-/* A piece of a large range: its bins, then where its primitives go. */
-typedef struct hyi_chunk_split {
-    hyi_bins bins;
-    hyi_box left_centroids, right_centroids;
-    uint32_t left_count, left_first, right_first;
-} hyi_chunk_split;
+   Every box of a part contains every point of the triangle that lies in its cell: what is computed is rounded
+   outwards by a bound on its error, and cells share their planes. */
+#ifndef HYI_BVH_BUILD_SPATIAL_H
+#define HYI_BVH_BUILD_SPATIAL_H
 
-/* The large range in work, for its chunks. */
-typedef struct hyi_large {
-    hyi_build *build;
-    hyi_range range;
-    hyi_binning binning;
-    hyi_split split;
-} hyi_large;
+#define HYI_SPATIAL_BINS 16u
+#define HYI_SPATIAL_LEAST 32u                  /* smaller ranges are cut by objects alone */
+#define HYI_SPATIAL_OVERLAP 2.0e-4f            /* of the root's surface: the least overlap that a spatial split may mend */
+#define HYI_SPATIAL_GAIN 0.99f                 /* of the object split's cost: what the spatial one must stay below */
+#define HYI_SPATIAL_SLOP 9.5367431640625e-07f  /* 2^-20 */
+#define HYI_SPATIAL_TINY 1.0e-30f
 
-/* Makes the children of the range's node, cut at slot middle. */
-HYI_FN void hyi_link_children(hyi_build *build, const hyi_range *range, uint32_t middle, const hyi_box *left, const hyi_box *right) {
-    uint32_t at = 2u * (middle - 1u);
-    hyi_build_node *node = &build->nodes[at];
-    node[0].box = *left;
-    node[0].first = range->first;
-    node[0].count = middle - range->first;
-    node[0].left = HYI_CHILD_NONE;
-    node[1].box = *right;
-    node[1].first = middle;
-    node[1].count = range->first + range->count - middle;
-    node[1].left = HYI_CHILD_NONE;
-    build->nodes[range->node].left = at;
+/* Parts of triangles by bins between planes; a primitive counts where it begins and where it ends. */
+typedef struct hyi_spatial_bins {
+    hyi_bounds box[3][HYI_SPATIAL_BINS];
+    uint32_t begins[3][HYI_SPATIAL_BINS], ends[3][HYI_SPATIAL_BINS];
+} hyi_spatial_bins;
+
+typedef struct hyi_grid {
+    float plane[3][HYI_SPATIAL_BINS + 1u]; /* bin b lies between planes b and b + 1 */
+    float scale[3];                        /* 0: no extent along that axis */
+    uint32_t count;
+} hyi_grid;
+
+typedef struct hyi_corners {
+    float at[3][4];
+    hyi_four slop; /* more than the error of a point computed on an edge */
+} hyi_corners;
+
+HYI_INLINE hyi_four hyi_four_size(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
+
+/* The corners of a triangle in the units of the tree. A point of an edge is p + (q - p) t, t = (plane - p) / (q - p)
+   along the axis: the roundings add up to less than 8 2^-24 (|p| + |q|), and denormals lost to less than 2^-120. */
+HYI_INLINE void hyi_load_corners(const hyi_build *build, uint32_t id, hyi_corners *corners) {
+    hyi_four scale = hyi_four_all(build->scale), size = hyi_four_all(0.0f);
+    for (uint32_t c = 0; c < 3; c++) {
+        const float *p = hyi_source_corner(build, id, c);
+        hyi_four corner = hyi_four_mul(hyi_four_make(p[0], p[1], p[2]), scale);
+        hyi_four_store(corners->at[c], corner);
+        size = hyi_four_max(size, hyi_four_size(corner));
+    }
+    corners->slop = hyi_four_add(hyi_four_mul(size, hyi_four_all(HYI_SPATIAL_SLOP)), hyi_four_all(HYI_SPATIAL_TINY));
 }
 
-HYI_FN void hyi_make_child_ranges(const hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
-    uint32_t at = build->nodes[range->node].left;
-    left->node = at;
-    right->node = at + 1u;
-    left->first = build->nodes[at].first;
-    left->count = build->nodes[at].count;
-    right->first = build->nodes[at + 1u].first;
-    right->count = build->nodes[at + 1u].count;
+/* The half space on one side of a plane, as a box. */
+HYI_INLINE hyi_four hyi_plane_lanes(int axis, float plane, float elsewhere) {
+    float lanes[4];
+    hyi_four_store(lanes, hyi_four_all(elsewhere));
+    lanes[axis] = plane;
+    return hyi_four_load(lanes);
+}
+
+/* The box, which is that of a part of the triangle, cut by a plane: boxes of both parts. An empty one: no point of
+   the triangle lies there. */
+HYI_INLINE void hyi_clip(const hyi_corners *corners, const hyi_bounds *box, int axis, float plane, hyi_bounds *left, hyi_bounds *right) {
+    *left = *right = hyi_bounds_empty();
+    for (int c = 0; c < 3; c++) {
+        const float *p = corners->at[c], *q = corners->at[c == 2 ? 0 : c + 1];
+        hyi_four from = hyi_four_load(p);
+        if (p[axis] <= plane) hyi_bounds_add(left, from, from);
+        if (p[axis] >= plane) hyi_bounds_add(right, from, from);
+        if (!((p[axis] < plane && q[axis] > plane) || (p[axis] > plane && q[axis] < plane))) continue;
+        float along = q[axis] - p[axis];
+        hyi_four step = hyi_four_sub(hyi_four_load(q), from);
+        hyi_bounds point;
+        if (fabsf(along) < HYI_SPATIAL_TINY) { /* too short to divide by: the whole edge */
+            point.lower = hyi_four_min(from, hyi_four_load(q));
+            point.upper = hyi_four_max(from, hyi_four_load(q));
+        } else {
+            hyi_four at = hyi_four_add(from, hyi_four_mul(step, hyi_four_all((plane - p[axis]) / along)));
+            point.lower = hyi_four_sub(at, corners->slop);
+            point.upper = hyi_four_add(at, corners->slop);
+        }
+        hyi_bounds_add(left, point.lower, point.upper);
+        hyi_bounds_add(right, point.lower, point.upper);
+    }
+    hyi_bounds_meet(left, box);
+    hyi_bounds_meet(right, box);
+    left->upper = hyi_four_min(left->upper, hyi_plane_lanes(axis, plane, HYI_EMPTY_PLANE));
+    right->lower = hyi_four_max(right->lower, hyi_plane_lanes(axis, plane, -HYI_EMPTY_PLANE));
+}
+
+/* ---- bins */
+
+HYI_INLINE hyi_grid hyi_make_grid(const hyi_bounds *box, uint32_t count) {
+    hyi_grid grid;
+    float lower[3], upper[3];
+    hyi_bounds_store(box, lower, upper);
+    grid.count = count < 256u ? HYI_SPATIAL_BINS / 2u : HYI_SPATIAL_BINS;
+    for (int a = 0; a < 3; a++) {
+        float extent = upper[a] - lower[a], size = fabsf(lower[a]) > fabsf(upper[a]) ? fabsf(lower[a]) : fabsf(upper[a]);
+        /* cells must be wider than the slop */
+        bool usable = extent > 1.0e-30f && extent > 1024.0f * HYI_SPATIAL_SLOP * size;
+        grid.scale[a] = usable ? (float)grid.count / extent : 0.0f;
+        for (uint32_t b = 0; b <= grid.count; b++) {
+            grid.plane[a][b] = hyi_rounded(lower[a] + hyi_rounded(extent * ((float)b / (float)grid.count)));
+        }
+    }
+    return grid;
+}
+
+/* The bins in which a box begins and ends: decided by the planes themselves, for the partition compares with those. */
+HYI_INLINE uint32_t hyi_grid_begin(const hyi_grid *grid, int axis, float lower) {
+    int32_t last = (int32_t)grid->count - 1, bin = (int32_t)((lower - grid->plane[axis][0]) * grid->scale[axis]);
+    bin = bin < last ? bin > 0 ? bin : 0 : last;
+    while (bin > 0 && lower < grid->plane[axis][bin]) bin--;
+    while (bin < last && lower >= grid->plane[axis][bin + 1]) bin++;
+    return (uint32_t)bin;
+}
+
+HYI_INLINE uint32_t hyi_grid_end(const hyi_grid *grid, int axis, uint32_t begin, float upper) {
+    int32_t last = (int32_t)grid->count - 1, bin = (int32_t)((upper - grid->plane[axis][0]) * grid->scale[axis]);
+    bin = bin < last ? bin > (int32_t)begin ? bin : (int32_t)begin : last;
+    while (bin > (int32_t)begin && upper <= grid->plane[axis][bin]) bin--;
+    while (bin < last && upper > grid->plane[axis][bin + 1]) bin++;
+    return (uint32_t)bin;
+}
+
+HYI_FN void hyi_spatial_clear(hyi_spatial_bins *bins, const hyi_grid *grid) {
+    for (int a = 0; a < 3; a++) {
+        for (uint32_t b = 0; b < grid->count; b++) {
+            bins->box[a][b] = hyi_bounds_empty();
+            bins->begins[a][b] = bins->ends[a][b] = 0;
+        }
+    }
+}
+
+/* Adds the parts of one triangle to the bins from begin to end. */
+HYI_INLINE void hyi_spatial_chop(hyi_spatial_bins *bins, const hyi_grid *grid, const hyi_corners *corners, hyi_bounds rest, int axis,
+                                 uint32_t begin, uint32_t end) {
+    for (uint32_t b = begin; b < end; b++) {
+        hyi_bounds left, right;
+        hyi_clip(corners, &rest, axis, grid->plane[axis][b + 1u], &left, &right);
+        if (!hyi_bounds_are_empty(&left)) hyi_bounds_add(&bins->box[axis][b], left.lower, left.upper);
+        rest = right;
+    }
+    if (!hyi_bounds_are_empty(&rest)) hyi_bounds_add(&bins->box[axis][end], rest.lower, rest.upper);
+}
+
+HYI_FN void hyi_spatial_fill(hyi_spatial_bins *bins, const hyi_build *build, const hyi_grid *grid, const hyi_ref *refs, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        const hyi_ref *ref = &refs[i];
+        hyi_bounds box = hyi_ref_box(ref);
+        hyi_corners corners;
+        bool loaded = false;
+        for (int a = 0; a < 3; a++) {
+            if (!(grid->scale[a] > 0.0f)) continue;
+            uint32_t begin = hyi_grid_begin(grid, a, ref->lower[a]), end = hyi_grid_end(grid, a, begin, ref->upper[a]);
+            bins->begins[a][begin]++;
+            bins->ends[a][end]++;
+            if (begin == end) {
+                hyi_bounds_add(&bins->box[a][begin], box.lower, box.upper);
+                continue;
+            }
+            if (!loaded) hyi_load_corners(build, hyi_ref_id(ref), &corners);
+            loaded = true;
+            hyi_spatial_chop(bins, grid, &corners, box, a, begin, end);
+        }
+    }
+}
+
+HYI_FN void hyi_spatial_merge(hyi_spatial_bins *bins, const hyi_spatial_bins *more, const hyi_grid *grid) {
+    for (int a = 0; a < 3; a++) {
+        for (uint32_t b = 0; b < grid->count; b++) {
+            hyi_bounds_add(&bins->box[a][b], more->box[a][b].lower, more->box[a][b].upper);
+            bins->begins[a][b] += more->begins[a][b];
+            bins->ends[a][b] += more->ends[a][b];
+        }
+    }
+}
+
+HYI_FN void hyi_spatial_best_on_axis(const hyi_spatial_bins *bins, const hyi_grid *grid, int axis, hyi_split *best) {
+    hyi_bounds right[HYI_SPATIAL_BINS], box = hyi_bounds_empty();
+    uint32_t right_count[HYI_SPATIAL_BINS], count = 0;
+    for (uint32_t b = grid->count; b-- > 1u;) {
+        hyi_bounds_add(&box, bins->box[axis][b].lower, bins->box[axis][b].upper);
+        right[b] = box;
+        right_count[b] = count += bins->ends[axis][b];
+    }
+    box = hyi_bounds_empty();
+    count = 0;
+    for (uint32_t b = 1; b < grid->count; b++) {
+        hyi_bounds_add(&box, bins->box[axis][b - 1u].lower, bins->box[axis][b - 1u].upper);
+        count += bins->begins[axis][b - 1u];
+        if (count == 0 || right_count[b] == 0) continue;
+        float cost = hyi_cut_cost(hyi_bounds_area(&box), count, hyi_bounds_area(&right[b]), right_count[b]);
+        if (best->axis >= 0 && cost >= best->cost) continue;
+        best->cost = cost;
+        best->axis = axis;
+        best->bin = b;
+        best->plane = grid->plane[axis][b];
+        best->left = box;
+        best->right = right[b];
+        best->left_count = count;
+        best->right_count = right_count[b];
+    }
+}
+
+HYI_FN hyi_split hyi_spatial_best(const hyi_spatial_bins *bins, const hyi_grid *grid) {
+    hyi_split best;
+    memset(&best, 0, sizeof best);
+    best.axis = -1;
+    best.spatial = true;
+    for (int a = 0; a < 3; a++) {
+        if (grid->scale[a] > 0.0f) hyi_spatial_best_on_axis(bins, grid, a, &best);
+    }
+    return best;
+}
+
+/* Whether to look for a spatial split: there is room, and the sides of the object split overlap by something. */
+HYI_INLINE bool hyi_spatial_pays(const hyi_build *build, const hyi_range *range, const hyi_split *object) {
+    if (!build->best || range->capacity == range->count || range->count < HYI_SPATIAL_LEAST) return false;
+    if (object->axis < 0) return true;
+    hyi_bounds overlap = object->left;
+    hyi_bounds_meet(&overlap, &object->right);
+    return hyi_bounds_area(&overlap) > HYI_SPATIAL_OVERLAP * build->root_area;
+}
+
+HYI_INLINE bool hyi_spatial_is_better(const hyi_split *spatial, const hyi_split *object) {
+    if (spatial->axis < 0) return false;
+    if (object->axis < 0) return true;
+    return spatial->cost < HYI_SPATIAL_GAIN * object->cost;
+}
+
+/* ---- references */
+
+/* Where a reference goes. */
+typedef struct hyi_parts {
+    bool left, right;
+    hyi_bounds left_box, right_box;
+} hyi_parts;
+
+/* Splits a reference by a spatial split, or gives it whole to a side where both parts would cost more. */
+HYI_INLINE void hyi_part_ref(const hyi_build *build, const hyi_split *split, const hyi_ref *ref, bool room, hyi_parts *parts) {
+    hyi_bounds box = hyi_ref_box(ref);
+    parts->left_box = parts->right_box = box;
+    parts->right = ref->upper[split->axis] > split->plane || ref->lower[split->axis] >= split->plane;
+    parts->left = ref->lower[split->axis] < split->plane;
+    if (!(parts->left && parts->right)) return;
+    hyi_corners corners;
+    hyi_load_corners(build, hyi_ref_id(ref), &corners);
+    hyi_clip(&corners, &box, split->axis, split->plane, &parts->left_box, &parts->right_box);
+    bool no_left = hyi_bounds_are_empty(&parts->left_box), no_right = hyi_bounds_are_empty(&parts->right_box);
+    if (no_left || no_right) {
+        parts->left = no_right && !no_left;
+        parts->right = !parts->left;
+        if (no_left && no_right) parts->right_box = box;
+        return;
+    }
+    float left_area = hyi_bounds_area(&split->left), right_area = hyi_bounds_area(&split->right);
+    float both = left_area * (float)split->left_count + right_area * (float)split->right_count;
+    float to_left = hyi_bounds_area_with(&split->left, box.lower, box.upper) * (float)split->left_count + right_area * ((float)split->right_count - 1.0f);
+    float to_right = left_area * ((float)split->left_count - 1.0f) + hyi_bounds_area_with(&split->right, box.lower, box.upper) * (float)split->right_count;
+    if (room && both <= to_left && both <= to_right) return;
+    parts->left = to_left <= to_right;
+    parts->right = !parts->left;
+    parts->left_box = parts->right_box = box;
+}
+
+#endif /* HYI_BVH_BUILD_SPATIAL_H */
+
+/* >>bvh-build-part: a range of references becomes two: who goes where, and who owns which places
+
+   A range owns more places than it uses where spatial splits may add references. The two children of a node
+   whose places are cut at m are nodes 2 (m - 1) and 2 (m - 1) + 1: no two cuts share an m, so places need no
+   counter and come out the same on any thread. */
+#ifndef HYI_BVH_BUILD_PART_H
+#define HYI_BVH_BUILD_PART_H
+
+HYI_INLINE void hyi_set_build_node(hyi_build *build, const hyi_range *range) {
+    hyi_build_node *node = &build->nodes[range->node];
+    hyi_bounds_store(&range->box, node->lower, node->upper);
+    node->first = range->first;
+    node->count = range->count;
+}
+
+/* Shares out the places that are left, and makes the children's nodes. Counts, boxes and centroids are set. */
+HYI_FN void hyi_link_children(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
+    uint32_t spare = range->capacity - left->count - right->count;
+    double weight = (double)left->count, other = (double)right->count;
+    uint32_t share = spare ? (uint32_t)((double)spare * (weight / (weight + other))) : 0u;
+    left->first = range->first;
+    left->capacity = left->count + (share < spare ? share : spare);
+    right->first = range->first + left->capacity;
+    right->capacity = range->capacity - left->capacity;
+    left->node = 2u * (right->first - 1u);
+    right->node = left->node + 1u;
     left->depth = right->depth = range->depth + 1u;
+    left->in_other = right->in_other = range->in_other;
+    build->nodes[range->node].first = left->node;
+    build->nodes[range->node].count |= HYI_BUILD_INNER;
+}
+
+/* Two ranges that fill, their boxes and centroids growing. */
+HYI_INLINE void hyi_begin_sides(hyi_range *left, hyi_range *right) {
+    left->count = right->count = 0;
+    left->box = left->centroids = right->box = right->centroids = hyi_bounds_empty();
+}
+
+HYI_INLINE void hyi_add_centroid(hyi_bounds *centroids, const hyi_bounds *box) {
+    hyi_four centroid = hyi_centroid(box);
+    hyi_bounds_add(centroids, centroid, centroid);
+}
+
+HYI_INLINE void hyi_range_add(hyi_range *range, const hyi_bounds *box) {
+    hyi_bounds_add(&range->box, box->lower, box->upper);
+    hyi_add_centroid(&range->centroids, box);
+    range->count++;
+}
+
+/* Sorts references into two places by an object split, without branches. left may be where they lie. */
+HYI_FN void hyi_part_objects(const hyi_ref *refs, uint32_t count, const hyi_binning *binning, const hyi_split *split, hyi_ref *to_left,
+                             hyi_ref *to_right, hyi_range *left, hyi_range *right) {
+    const hyi_four far_away = hyi_four_all(HYI_EMPTY_PLANE), far_below = hyi_four_all(-HYI_EMPTY_PLANE);
+    hyi_bounds l = hyi_bounds_empty(), r = hyi_bounds_empty();
+    uint32_t left_count = 0, right_count = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_ref ref = refs[i];
+        hyi_bounds box = hyi_ref_box(&ref);
+        hyi_four centroid = hyi_centroid(&box);
+        int32_t bin[4];
+        hyi_bins_of(binning, centroid, bin);
+        uint32_t goes_left = (uint32_t)bin[split->axis] < split->bin ? 1u : 0u;
+        hyi_four below = goes_left ? far_below : far_away, above = goes_left ? far_away : far_below;
+        l.lower = hyi_four_min(l.lower, hyi_four_max(centroid, below));
+        l.upper = hyi_four_max(l.upper, hyi_four_min(centroid, above));
+        r.lower = hyi_four_min(r.lower, hyi_four_max(centroid, above));
+        r.upper = hyi_four_max(r.upper, hyi_four_min(centroid, below));
+        *(goes_left ? to_left + left_count : to_right + right_count) = ref;
+        left_count += goes_left;
+        right_count += 1u - goes_left;
+    }
+    hyi_begin_sides(left, right);
+    left->count = left_count;
+    right->count = right_count;
+    left->centroids = l;
+    right->centroids = r;
+    left->box = split->left;
+    right->box = split->right;
+}
+
+/* The same by a spatial split; room: how many references may be added. */
+HYI_FN void hyi_part_spatial(const hyi_build *build, const hyi_ref *refs, uint32_t count, const hyi_split *split, uint32_t room, hyi_ref *to_left,
+                             hyi_ref *to_right, hyi_range *left, hyi_range *right) {
+    hyi_begin_sides(left, right);
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_ref ref = refs[i];
+        hyi_parts parts;
+        hyi_part_ref(build, split, &ref, left->count + right->count < i + room, &parts);
+        if (parts.left) {
+            hyi_ref_set(&to_left[left->count], &parts.left_box, hyi_ref_id(&ref));
+            hyi_range_add(left, &parts.left_box);
+        }
+        if (parts.right) {
+            hyi_ref_set(&to_right[right->count], &parts.right_box, hyi_ref_id(&ref));
+            hyi_range_add(right, &parts.right_box);
+        }
+    }
 }
 
 /* ---- the middle of the range, where the heuristic cannot tell or may not */
 
-HYI_FN void hyi_measure(const hyi_ref *refs, uint32_t count, hyi_box *box, hyi_box *centroids) {
-    *box = *centroids = hyi_box_empty();
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_box_add(box, refs[i].lower, refs[i].upper);
-        hyi_add_centroid(centroids, &refs[i]);
-    }
-}
-
 HYI_INLINE bool hyi_ref_before(const hyi_ref *a, const hyi_ref *b, int axis) {
-    float ca = hyi_rounded(hyi_centroid(a, axis)), cb = hyi_rounded(hyi_centroid(b, axis));
-    return ca < cb || (ca == cb && a->id < b->id);
+    float ca = hyi_rounded(a->lower[axis] + a->upper[axis]), cb = hyi_rounded(b->lower[axis] + b->upper[axis]);
+    return ca < cb || (ca == cb && hyi_ref_id(a) < hyi_ref_id(b));
 }
 
 HYI_INLINE void hyi_swap_refs(hyi_ref *a, hyi_ref *b) {
@@ -5635,60 +6183,112 @@ HYI_FN void hyi_select_middle(hyi_ref *refs, uint32_t count, uint32_t middle, in
     }
 }
 
-HYI_FN int hyi_widest_axis(const hyi_box *box) {
+HYI_FN int hyi_widest_axis(const hyi_bounds *box) {
+    float extent[4];
     int widest = 0;
+    hyi_four_store(extent, hyi_four_sub(box->upper, box->lower));
     for (int a = 1; a < 3; a++) {
-        if (box->upper[a] - box->lower[a] > box->upper[widest] - box->lower[widest]) widest = a;
+        if (extent[a] > extent[widest]) widest = a;
     }
     return widest;
 }
 
+/* Cuts the range in two halves by count, in the array it lies in. */
 HYI_FN void hyi_split_middle(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
-    hyi_ref *refs = build->refs + range->first;
+    hyi_ref *refs = (range->in_other ? build->other : build->refs) + range->first;
     uint32_t half = range->count / 2u;
     hyi_select_middle(refs, range->count, half, hyi_widest_axis(&range->centroids));
-    hyi_box left_box, right_box;
-    hyi_measure(refs, half, &left_box, &left->centroids);
-    hyi_measure(refs + half, range->count - half, &right_box, &right->centroids);
-    hyi_link_children(build, range, range->first + half, &left_box, &right_box);
-    hyi_make_child_ranges(build, range, left, right);
-}
-
-/* ---- small ranges: in place */
-
-/* Returns how many went left. */
-HYI_FN uint32_t hyi_partition(hyi_ref *refs, uint32_t count, const hyi_binning *binning, const hyi_split *split,
-                              hyi_box *left, hyi_box *right) {
-    uint32_t i = 0, j = count;
-    *left = *right = hyi_box_empty();
-    while (i < j) {
-        if (hyi_bin_of(binning, &refs[i], split->axis) < split->bin) {
-            hyi_add_centroid(left, &refs[i++]);
-        } else {
-            hyi_swap_refs(&refs[i], &refs[--j]);
-            hyi_add_centroid(right, &refs[j]);
-        }
+    hyi_begin_sides(left, right);
+    for (uint32_t i = 0; i < range->count; i++) {
+        hyi_bounds box = hyi_ref_box(&refs[i]);
+        hyi_range_add(i < half ? left : right, &box);
     }
-    return i;
+    hyi_link_children(build, range, left, right);
+    memmove(refs + left->capacity, refs + half, right->count * sizeof *refs);
 }
 
-/* Cuts the range, or returns false: it stays a leaf. */
-HYI_FN bool hyi_split_small(hyi_build *build, hyi_bins *bins, const hyi_range *range, hyi_range *left, hyi_range *right) {
+#endif /* HYI_BVH_BUILD_PART_H */
+
+/* >>bvh-build-tree: the binary tree: large ranges cut by all threads together, small ones a thread each */
+#ifndef HYI_BVH_BUILD_TREE_H
+#define HYI_BVH_BUILD_TREE_H
+
+/* Ranges above this are cut by all threads together. */
+#define HYI_BUILD_LARGE (4u * HYI_BUILD_CHUNK)
+
+/* A piece of a large range: its bins, then where its primitives go. */
+typedef struct hyi_chunk_split {
+    hyi_bins bins;
+    hyi_spatial_bins spatial;
+    hyi_range left, right;
+    uint32_t left_first, right_first;
+} hyi_chunk_split;
+
+/* The large range in work, for its chunks. */
+typedef struct hyi_large {
+    hyi_build *build;
+    hyi_range range;
+    hyi_binning binning;
+    hyi_grid grid;
+    hyi_split split;
+    const hyi_ref *from;
+    hyi_ref *to_left, *to_right;
+} hyi_large;
+
+/* What a subtree is cut with. */
+typedef struct hyi_small {
+    hyi_bins bins;
+    hyi_spatial_bins spatial;
+} hyi_small;
+
+/* Whether the range is better left a leaf. The children of a node are tested together, so cutting adds no
+   node of its own, only its share of one. */
+HYI_INLINE bool hyi_leaf_is_better(const hyi_build *build, const hyi_split *split, const hyi_range *range) {
+    if (range->count > build->leaf_max) return false;
+    if (split->axis < 0) return true;
+    if (build->best) return false;
+    float area = hyi_bounds_area(&range->box);
+    return hyi_primitives_cost(range->count) * area <= HYI_SPLIT_NODE * area + split->cost;
+}
+
+/* ---- small ranges, in one thread. They lie in refs; other is room to work in. */
+
+HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_range *range, const hyi_binning *binning) {
+    const hyi_ref *refs = build->refs + range->first;
+    hyi_bins_clear(&work->bins, binning->count);
+    hyi_bins_fill(&work->bins, binning, refs, range->count);
+    hyi_split split = hyi_best_split(&work->bins, binning);
+    if (!hyi_spatial_pays(build, range, &split)) return split;
+    hyi_grid grid = hyi_make_grid(&range->box, range->count);
+    hyi_spatial_clear(&work->spatial, &grid);
+    hyi_spatial_fill(&work->spatial, build, &grid, refs, range->count);
+    hyi_split spatial = hyi_spatial_best(&work->spatial, &grid);
+    return hyi_spatial_is_better(&spatial, &split) ? spatial : split;
+}
+
+/* Cuts by a split; false: all went to one side, and nothing is done. */
+HYI_FN bool hyi_part_small(hyi_build *build, const hyi_range *range, const hyi_binning *binning, const hyi_split *split, hyi_range *left, hyi_range *right) {
+    hyi_ref *refs = build->refs + range->first, *scratch = build->other + range->first;
+    if (split->spatial) hyi_part_spatial(build, refs, range->count, split, range->capacity - range->count, refs, scratch, left, right);
+    else hyi_part_objects(refs, range->count, binning, split, refs, scratch, left, right);
+    if (left->count == 0) memcpy(refs, scratch, right->count * sizeof *refs);
+    if (left->count == 0 || right->count == 0) return false;
+    hyi_link_children(build, range, left, right);
+    memcpy(build->refs + right->first, scratch, right->count * sizeof *refs);
+    return true;
+}
+
+/* Cuts a small range. Returns false where it becomes a leaf. */
+HYI_FN bool hyi_split_small(hyi_build *build, hyi_small *work, const hyi_range *range, hyi_range *left, hyi_range *right) {
     if (range->count < 2u) return false;
-    hyi_ref *refs = build->refs + range->first;
     hyi_binning binning = hyi_make_binning(&range->centroids, range->count);
-    hyi_bins_clear(bins, binning.count);
-    hyi_bins_fill(bins, &binning, refs, range->count);
-    hyi_split split = hyi_best_split(bins, &binning, build->leaf_max);
-    if (hyi_leaf_is_better(&split, &build->nodes[range->node].box, range->count, build->leaf_max)) return false;
-    if (split.axis < 0 || hyi_depth_is_short(range->depth, range->count)) {
-        if (range->count <= build->leaf_max) return false;
-        hyi_split_middle(build, range, left, right);
-        return true;
-    }
-    uint32_t count = hyi_partition(refs, range->count, &binning, &split, &left->centroids, &right->centroids);
-    hyi_link_children(build, range, range->first + count, &split.left, &split.right);
-    hyi_make_child_ranges(build, range, left, right);
+    hyi_split split = hyi_choose_split(build, work, range, &binning);
+    if (hyi_leaf_is_better(build, &split, range)) return false;
+    bool short_of_depth = hyi_depth_is_short(range->depth, range->count);
+    if (short_of_depth && range->count <= build->leaf_max) return false;
+    if (split.axis >= 0 && !short_of_depth && hyi_part_small(build, range, &binning, &split, left, right)) return true;
+    if (range->count <= build->leaf_max) return false;
+    hyi_split_middle(build, range, left, right);
     return true;
 }
 
@@ -5696,118 +6296,165 @@ HYI_FN bool hyi_split_small(hyi_build *build, hyi_bins *bins, const hyi_range *r
 HYI_FN void hyi_build_subtree(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
     hyi_range list[HYI_TREE_DEPTH + 2u];
-    hyi_bins bins;
+    hyi_small work;
     uint32_t waiting = 1;
     list[0] = build->tasks[index];
+    if (list[0].in_other) memcpy(build->refs + list[0].first, build->other + list[0].first, list[0].count * sizeof(hyi_ref));
+    list[0].in_other = false;
     while (waiting > 0) {
         hyi_range range = list[--waiting], left, right;
-        if (!hyi_split_small(build, &bins, &range, &left, &right)) continue;
+        hyi_set_build_node(build, &range);
+        if (!hyi_split_small(build, &work, &range, &left, &right)) continue;
         list[waiting++] = right;
         list[waiting++] = left;
     }
 }
 
-/* ---- large ranges: chunks in parallel, out of place, order kept */
-
-HYI_INLINE uint32_t hyi_large_chunks(const hyi_range *range) {
-    return (range->count + HYI_BUILD_CHUNK - 1u) / HYI_BUILD_CHUNK;
-}
+/* ---- large ranges: chunks in parallel, from one array to the other, order kept */
 
 HYI_FN void hyi_bin_chunk(void *argument, uint32_t chunk) {
     hyi_large *large = (hyi_large *)argument;
     uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, large->range.count);
     hyi_bins *bins = &large->build->chunk_splits[chunk].bins;
     hyi_bins_clear(bins, large->binning.count);
-    hyi_bins_fill(bins, &large->binning, large->build->refs + large->range.first + begin, end - begin);
+    hyi_bins_fill(bins, &large->binning, large->from + begin, end - begin);
+}
+
+HYI_FN void hyi_spatial_chunk(void *argument, uint32_t chunk) {
+    hyi_large *large = (hyi_large *)argument;
+    uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, large->range.count);
+    hyi_spatial_bins *bins = &large->build->chunk_splits[chunk].spatial;
+    hyi_spatial_clear(bins, &large->grid);
+    hyi_spatial_fill(bins, large->build, &large->grid, large->from + begin, end - begin);
+}
+
+/* What a spatial split would make of a chunk, counted. */
+HYI_FN void hyi_count_chunk(void *argument, uint32_t chunk) {
+    hyi_large *large = (hyi_large *)argument;
+    hyi_chunk_split *piece = &large->build->chunk_splits[chunk];
+    uint32_t end = hyi_chunk_end(chunk, large->range.count);
+    piece->left.count = piece->right.count = 0;
+    for (uint32_t i = chunk * HYI_BUILD_CHUNK; i < end; i++) {
+        hyi_parts parts;
+        hyi_part_ref(large->build, &large->split, &large->from[i], true, &parts);
+        piece->left.count += parts.left ? 1u : 0u;
+        piece->right.count += parts.right ? 1u : 0u;
+    }
+}
+
+/* For an object split the bins know the counts. */
+HYI_FN void hyi_count_object_chunks(hyi_large *large, uint32_t chunks) {
+    for (uint32_t c = 0; c < chunks; c++) {
+        hyi_chunk_split *piece = &large->build->chunk_splits[c];
+        piece->left.count = 0;
+        for (uint32_t b = 0; b < large->split.bin; b++) piece->left.count += piece->bins.count[b][large->split.axis];
+        piece->right.count = hyi_chunk_end(c, large->range.count) - c * HYI_BUILD_CHUNK - piece->left.count;
+    }
 }
 
 HYI_FN void hyi_scatter_chunk(void *argument, uint32_t chunk) {
     hyi_large *large = (hyi_large *)argument;
     hyi_chunk_split *piece = &large->build->chunk_splits[chunk];
-    const hyi_ref *refs = large->build->refs + large->range.first;
-    hyi_ref *left = large->build->other + piece->left_first, *right = large->build->other + piece->right_first;
-    piece->left_centroids = piece->right_centroids = hyi_box_empty();
-    uint32_t end = hyi_chunk_end(chunk, large->range.count);
-    for (uint32_t i = chunk * HYI_BUILD_CHUNK; i < end; i++) {
-        bool goes_left = hyi_bin_of(&large->binning, &refs[i], large->split.axis) < large->split.bin;
-        hyi_add_centroid(goes_left ? &piece->left_centroids : &piece->right_centroids, &refs[i]);
-        *(goes_left ? left++ : right++) = refs[i];
+    uint32_t begin = chunk * HYI_BUILD_CHUNK, count = hyi_chunk_end(chunk, large->range.count) - begin;
+    hyi_ref *left = large->to_left + piece->left_first, *right = large->to_right + piece->right_first;
+    if (large->split.spatial) {
+        hyi_part_spatial(large->build, large->from + begin, count, &large->split, UINT32_MAX - count, left, right, &piece->left, &piece->right);
+    } else {
+        hyi_part_objects(large->from + begin, count, &large->binning, &large->split, left, right, &piece->left, &piece->right);
     }
 }
 
-HYI_FN void hyi_copy_chunk(void *argument, uint32_t chunk) {
-    hyi_large *large = (hyi_large *)argument;
-    uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, large->range.count);
-    memcpy(large->build->refs + large->range.first + begin, large->build->other + begin, (end - begin) * sizeof(hyi_ref));
+/* Gives each chunk its places on both sides; adds up the counts. */
+HYI_FN void hyi_place_chunks(hyi_large *large, uint32_t chunks, hyi_range *left, hyi_range *right) {
+    left->count = right->count = 0;
+    for (uint32_t c = 0; c < chunks; c++) {
+        hyi_chunk_split *piece = &large->build->chunk_splits[c];
+        piece->left_first = left->count;
+        piece->right_first = right->count;
+        left->count += piece->left.count;
+        right->count += piece->right.count;
+    }
 }
 
-/* Gives each chunk its places on both sides; returns how many go left. The bins know the counts. */
-HYI_FN uint32_t hyi_place_chunks(hyi_large *large) {
-    uint32_t chunks = hyi_large_chunks(&large->range), left = 0;
-    for (uint32_t c = 0; c < chunks; c++) {
-        hyi_chunk_split *piece = &large->build->chunk_splits[c];
-        piece->left_count = 0;
-        for (uint32_t b = 0; b < large->split.bin; b++) piece->left_count += piece->bins.count[large->split.axis][b];
-        piece->left_first = left;
-        left += piece->left_count;
-    }
-    for (uint32_t c = 0; c < chunks; c++) {
-        hyi_chunk_split *piece = &large->build->chunk_splits[c];
-        piece->right_first = left + c * HYI_BUILD_CHUNK - piece->left_first;
-    }
-    return left;
+/* Replaces the object split by a spatial one where that is better, and fits. Returns whether it did; the chunks are
+   then counted. */
+HYI_FN bool hyi_choose_spatial(hyi_large *large, uint32_t chunks, hyi_range *left, hyi_range *right) {
+    hyi_build *build = large->build;
+    if (!hyi_spatial_pays(build, &large->range, &large->split)) return false;
+    large->grid = hyi_make_grid(&large->range.box, large->range.count);
+    hyi_parallel(build->context, chunks, hyi_spatial_chunk, large);
+    hyi_spatial_bins *bins = &build->chunk_splits[0].spatial;
+    for (uint32_t c = 1; c < chunks; c++) hyi_spatial_merge(bins, &build->chunk_splits[c].spatial, &large->grid);
+    hyi_split object = large->split, spatial = hyi_spatial_best(bins, &large->grid);
+    if (!hyi_spatial_is_better(&spatial, &object)) return false;
+    large->split = spatial;
+    hyi_parallel(build->context, chunks, hyi_count_chunk, large);
+    hyi_place_chunks(large, chunks, left, right);
+    if (left->count && right->count && left->count + right->count <= large->range.capacity) return true;
+    large->split = object;
+    return false;
 }
 
 HYI_FN void hyi_split_large(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
     hyi_large large;
+    uint32_t chunks = hyi_chunks_of(range->count);
     large.build = build;
     large.range = *range;
     large.binning = hyi_make_binning(&range->centroids, range->count);
-    uint32_t chunks = hyi_large_chunks(range);
+    large.from = (range->in_other ? build->other : build->refs) + range->first;
     hyi_parallel(build->context, chunks, hyi_bin_chunk, &large);
     hyi_bins bins = build->chunk_splits[0].bins;
     for (uint32_t c = 1; c < chunks; c++) hyi_bins_merge(&bins, &build->chunk_splits[c].bins, large.binning.count);
-    large.split = hyi_best_split(&bins, &large.binning, build->leaf_max);
-    if (large.split.axis < 0 || hyi_depth_is_short(range->depth, range->count)) {
+    large.split = hyi_best_split(&bins, &large.binning);
+    bool short_of_depth = hyi_depth_is_short(range->depth, range->count);
+    bool spatial = !short_of_depth && hyi_choose_spatial(&large, chunks, left, right);
+    if (short_of_depth || large.split.axis < 0) {
         hyi_split_middle(build, range, left, right);
         return;
     }
-    uint32_t count = hyi_place_chunks(&large);
+    if (!spatial) {
+        hyi_count_object_chunks(&large, chunks);
+        hyi_place_chunks(&large, chunks, left, right);
+    }
+    hyi_link_children(build, range, left, right);
+    left->in_other = right->in_other = !range->in_other;
+    large.to_left = (range->in_other ? build->refs : build->other) + left->first;
+    large.to_right = large.to_left + left->capacity;
     hyi_parallel(build->context, chunks, hyi_scatter_chunk, &large);
-    hyi_parallel(build->context, chunks, hyi_copy_chunk, &large);
-    left->centroids = right->centroids = hyi_box_empty();
+    left->box = left->centroids = right->box = right->centroids = hyi_bounds_empty();
     for (uint32_t c = 0; c < chunks; c++) {
         hyi_chunk_split *piece = &build->chunk_splits[c];
-        hyi_box_add(&left->centroids, piece->left_centroids.lower, piece->left_centroids.upper);
-        hyi_box_add(&right->centroids, piece->right_centroids.lower, piece->right_centroids.upper);
+        hyi_bounds_add(&left->box, piece->left.box.lower, piece->left.box.upper);
+        hyi_bounds_add(&right->box, piece->right.box.lower, piece->right.box.upper);
+        hyi_bounds_add(&left->centroids, piece->left.centroids.lower, piece->left.centroids.upper);
+        hyi_bounds_add(&right->centroids, piece->right.centroids.lower, piece->right.centroids.upper);
     }
-    hyi_link_children(build, range, range->first + count, &large.split.left, &large.split.right);
-    hyi_make_child_ranges(build, range, left, right);
 }
 
 /* ---- the whole tree */
 
-HYI_FN hyi_range hyi_root_range(hyi_build *build) {
+HYI_FN hyi_range hyi_root_range(const hyi_build *build) {
     hyi_range root;
-    hyi_build_node *node = &build->nodes[build->node_capacity - 1u];
-    hyi_measure(build->refs, build->ref_count, &node->box, &root.centroids);
-    node->first = root.first = 0;
-    node->count = root.count = build->ref_count;
-    node->left = HYI_CHILD_NONE;
+    root.box = build->root_box;
+    root.centroids = build->root_centroids;
     root.node = build->node_capacity - 1u;
-    root.depth = 0;
+    root.first = root.depth = 0;
+    root.count = build->ref_count;
+    root.capacity = build->capacity;
+    root.in_other = false;
     return root;
 }
 
 /* Cuts large ranges until only small ones are left, which become tasks. */
-HYI_FN hydra_result hyi_collect_tasks(hyi_build *build, hyi_range root) {
+HYI_FN hydra_result hyi_collect_tasks(hyi_build *build) {
     hyi_range list[HYI_TREE_DEPTH + 2u];
     uint32_t waiting = 1;
-    list[0] = root;
+    list[0] = hyi_root_range(build);
     while (waiting > 0) {
         hyi_range range = list[--waiting];
         if (range.count > HYI_BUILD_LARGE) {
             hyi_range left, right;
+            hyi_set_build_node(build, &range);
             hyi_split_large(build, &range, &left, &right);
             list[waiting++] = right;
             list[waiting++] = left;
@@ -5823,19 +6470,445 @@ HYI_FN hydra_result hyi_collect_tasks(hyi_build *build, hyi_range root) {
 
 /* The binary tree over all references; its root is the last node. */
 HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
-    build->node_capacity = 2u * build->ref_count - 1u;
+    build->node_capacity = 2u * build->capacity - 1u;
     HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
+    HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
     if (build->ref_count > HYI_BUILD_LARGE) {
-        HYI_TRY(hyi_alloc_array(build->context, &build->other, build->ref_count));
-        HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_count));
+        build->chunk_split_count = hyi_chunks_of(build->capacity);
+        HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_split_count));
     }
-    HYI_TRY(hyi_collect_tasks(build, hyi_root_range(build)));
-    hyi_free_array(build->context, &build->other, build->ref_count);
+    HYI_TRY(hyi_collect_tasks(build));
     hyi_parallel(build->context, build->task_count, hyi_build_subtree, build);
     return HYDRA_OK;
 }
 
 #endif /* HYI_BVH_BUILD_TREE_H */
+
+/* >>bvh-build-cost: which subtrees of the binary tree become wide nodes and leaves
+
+   Ylitie, Karras, Laine 2017, "Efficient incoherent ray traversal on GPUs through compressed wide BVHs", section
+   3.1: for every node of the binary tree, from the bottom up, the least expected cost of its subtree in 1 to 7
+   places of a wide node above it is known from those of its children. */
+#ifndef HYI_BVH_BUILD_COST_H
+#define HYI_BVH_BUILD_COST_H
+
+#define HYI_COUNT_MANY 255u
+
+/* Expected costs, in visits of a node. */
+#define HYI_COST_NODE 1.0f
+#define HYI_COST_LEAF 1.0f
+#define HYI_COST_TRIANGLE 0.05f
+
+typedef struct hyi_cost {
+    float in_places[HYI_WIDTH - 1u]; /* in 1 to 7 places */
+    uint8_t left[HYI_WIDTH - 1u];    /* of 2 to 8 places, those for the left child; 0: one place less does as well */
+    uint8_t count;                   /* of references, up to HYI_COUNT_MANY */
+    bool leaf;                       /* in one place: whether as a leaf */
+} hyi_cost;
+
+HYI_INLINE float hyi_node_area(const hyi_build_node *node) {
+    hyi_bounds box = hyi_bounds_load(node->lower, node->upper);
+    return hyi_bounds_area(&box);
+}
+
+HYI_INLINE float hyi_leaf_cost(float area, uint32_t count) { return area * (HYI_COST_LEAF + HYI_COST_TRIANGLE * (float)count); }
+
+HYI_INLINE void hyi_cost_of_leaf(const hyi_build_node *node, hyi_cost *cost) {
+    float leaf = hyi_leaf_cost(hyi_node_area(node), node->count);
+    for (uint32_t i = 0; i < HYI_WIDTH - 1u; i++) {
+        cost->in_places[i] = leaf;
+        cost->left[i] = 0;
+    }
+    cost->count = (uint8_t)node->count;
+    cost->leaf = true;
+}
+
+/* The best way to share out places between two children. */
+HYI_INLINE float hyi_best_share(const hyi_cost *left, const hyi_cost *right, uint32_t places, uint8_t *to_left) {
+    float best = FLT_MAX;
+    *to_left = 1;
+    for (uint32_t k = 1; k < places; k++) {
+        float cost = left->in_places[k - 1u] + right->in_places[places - k - 1u];
+        if (cost < best) {
+            best = cost;
+            *to_left = (uint8_t)k;
+        }
+    }
+    return best;
+}
+
+HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
+    const hyi_cost *left = &build->costs[node->first], *right = left + 1;
+    float area = hyi_node_area(node);
+    uint32_t count = (uint32_t)left->count + right->count;
+    float wide = area * HYI_COST_NODE + hyi_best_share(left, right, HYI_WIDTH, &cost->left[HYI_WIDTH - 2u]);
+    float leaf = count <= build->leaf_max ? hyi_leaf_cost(area, count) : FLT_MAX;
+    cost->count = (uint8_t)(count < HYI_COUNT_MANY ? count : HYI_COUNT_MANY);
+    cost->leaf = leaf <= wide;
+    cost->in_places[0] = cost->leaf ? leaf : wide;
+    for (uint32_t places = 2; places < HYI_WIDTH; places++) {
+        float shared = hyi_best_share(left, right, places, &cost->left[places - 2u]);
+        bool pays = shared < cost->in_places[places - 2u];
+        cost->in_places[places - 1u] = pays ? shared : cost->in_places[places - 2u];
+        if (!pays) cost->left[places - 2u] = 0;
+    }
+}
+
+/* Goes no deeper than HYI_TREE_DEPTH. next: the first task whose costs are known already; UINT32_MAX: there is none. */
+HYI_FN void hyi_cost_below(const hyi_build *build, uint32_t at, uint32_t *next) {
+    const hyi_build_node *node = &build->nodes[at];
+    if (*next < build->task_count && build->tasks[*next].node == at) {
+        ++*next;
+    } else if (hyi_build_is_leaf(node)) {
+        hyi_cost_of_leaf(node, &build->costs[at]);
+    } else {
+        hyi_cost_below(build, node->first, next);
+        hyi_cost_below(build, node->first + 1u, next);
+        hyi_cost_of_inner(build, node, &build->costs[at]);
+    }
+}
+
+HYI_FN void hyi_cost_task(void *argument, uint32_t index) {
+    const hyi_build *build = (const hyi_build *)argument;
+    uint32_t none = UINT32_MAX;
+    hyi_cost_below(build, build->tasks[index].node, &none);
+}
+
+/* Costs of all subtrees; tasks were collected from left to right. */
+HYI_FN hydra_result hyi_build_costs(hyi_build *build) {
+    uint32_t next = 0;
+    HYI_TRY(hyi_alloc_array(build->context, &build->costs, build->node_capacity));
+    hyi_parallel(build->context, build->task_count, hyi_cost_task, build);
+    hyi_cost_below(build, build->node_capacity - 1u, &next);
+    return HYDRA_OK;
+}
+
+#endif /* HYI_BVH_BUILD_COST_H */
+
+/* >>bvh-build-collapse: from the binary tree to eight-wide nodes and rows of triangles
+
+   The inner children of a node stand together, the largest is followed first, and its subtree lies in one
+   piece: a ray that goes on reads memory close by. What is near the root comes first. */
+#ifndef HYI_BVH_BUILD_COLLAPSE_H
+#define HYI_BVH_BUILD_COLLAPSE_H
+
+/* Subtrees with no more references than this are written by one thread. */
+#define HYI_WIDE_TASK 4096u
+
+/* The binary nodes that become the children of one wide node, widest surface first. */
+typedef struct hyi_family {
+    uint32_t count, inner;
+    uint32_t member[HYI_WIDTH];
+    float area[HYI_WIDTH];
+} hyi_family;
+
+/* A subtree that one thread writes: its root has its place, its own nodes and slots lie from first on. */
+typedef struct hyi_wide_task {
+    uint32_t binary, place, level;
+    uint32_t first_node, nodes, first_slot, slots, depth;
+} hyi_wide_task;
+
+/* A walk over the wide tree, which counts, and then writes. */
+typedef struct hyi_wide_walk {
+    hyi_build *build;
+    bool writes, collects; /* collects: leaves subtrees to tasks */
+    uint32_t next_node, next_slot, next_task, depth;
+} hyi_wide_walk;
+
+HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t node) { return build->costs[node].leaf; }
+
+/* Keeps the order: largest surface first, then who came first. */
+HYI_FN void hyi_family_add(hyi_family *family, const hyi_build *build, uint32_t node) {
+    float area = hyi_node_area(&build->nodes[node]);
+    uint32_t at = family->count++;
+    for (; at > 0 && family->area[at - 1u] < area; at--) {
+        family->area[at] = family->area[at - 1u];
+        family->member[at] = family->member[at - 1u];
+    }
+    family->area[at] = area;
+    family->member[at] = node;
+    family->inner += hyi_becomes_leaf(build, node) ? 0u : 1u;
+}
+
+/* Puts a subtree into up to places children. */
+HYI_FN void hyi_family_share(hyi_family *family, const hyi_build *build, uint32_t node, uint32_t places) {
+    const hyi_cost *cost = &build->costs[node];
+    while (places > 1u && cost->left[places - 2u] == 0) places--;
+    if (places == 1u) {
+        hyi_family_add(family, build, node);
+        return;
+    }
+    uint32_t left = cost->left[places - 2u];
+    hyi_family_share(family, build, build->nodes[node].first, left);
+    hyi_family_share(family, build, build->nodes[node].first + 1u, places - left);
+}
+
+HYI_FN void hyi_gather_family(const hyi_build *build, uint32_t node, hyi_family *family) {
+    uint32_t left = build->costs[node].left[HYI_WIDTH - 2u];
+    family->count = family->inner = 0;
+    hyi_family_share(family, build, build->nodes[node].first, left);
+    hyi_family_share(family, build, build->nodes[node].first + 1u, HYI_WIDTH - left);
+}
+
+/* ---- leaves */
+
+/* The primitives below a binary node that becomes a leaf, each once; returns how many. */
+HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t count, uint32_t ids[HYI_LEAF_MAX]) {
+    const hyi_build_node *from = &build->nodes[node];
+    if (!hyi_build_is_leaf(from)) {
+        count = hyi_gather_leaf(build, from->first, count, ids);
+        return hyi_gather_leaf(build, from->first + 1u, count, ids);
+    }
+    for (uint32_t i = 0; i < from->count; i++) {
+        uint32_t id = hyi_ref_id(&build->refs[from->first + i]), at = 0;
+        while (at < count && ids[at] != id) at++;
+        ids[at] = id;
+        count += at == count ? 1u : 0u;
+    }
+    return count;
+}
+
+HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t first, uint32_t count, const uint32_t *ids) {
+    memcpy(build->bvh->ids + first, ids, count * sizeof *ids);
+    if (!build->positions) return;
+    float *row = build->bvh->rows + 9u * (size_t)first;
+    for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t corner = 0; corner < 3; corner++) {
+            const float *p = hyi_source_corner(build, ids[i], corner);
+            for (uint32_t a = 0; a < 3; a++) row[(3u * corner + a) * count + i] = p[a] * build->scale;
+        }
+    }
+}
+
+/* ---- nodes */
+
+HYI_FN void hyi_clear_node(hyi_node *node) {
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        for (int a = 0; a < 3; a++) {
+            node->planes[2 * a][c] = HYI_EMPTY_PLANE;
+            node->planes[2 * a + 1][c] = -HYI_EMPTY_PLANE;
+        }
+        node->child[c] = HYI_CHILD_NONE;
+        node->unused[c] = 0;
+    }
+}
+
+HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_build_node *box, uint32_t child) {
+    for (int a = 0; a < 3; a++) {
+        node->planes[2 * a][c] = box->lower[a];
+        node->planes[2 * a + 1][c] = box->upper[a];
+    }
+    node->child[c] = child;
+}
+
+/* Gives a leaf its slots, and writes it; returns the child. */
+HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary) {
+    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot;
+    uint32_t count = hyi_gather_leaf(walk->build, binary, 0, ids);
+    walk->next_slot += count;
+    if (walk->writes) hyi_write_leaf(walk->build, first, count, ids);
+    return hyi_make_leaf(first, count);
+}
+
+/* Hands a subtree to a task. The walk that writes meets the same ones in the same order as the one that counts. */
+HYI_FN hydra_result hyi_hand_over(hyi_wide_walk *walk, uint32_t binary, uint32_t place, uint32_t level) {
+    hyi_build *build = walk->build;
+    size_t capacity = build->wide_task_capacity;
+    uint32_t at = walk->next_task++;
+    if (walk->writes) return HYDRA_OK;
+    HYI_TRY(hyi_grow_array(build->context, &build->wide_tasks, &capacity, (size_t)at + 1u));
+    build->wide_task_capacity = (uint32_t)capacity;
+    memset(&build->wide_tasks[at], 0, sizeof build->wide_tasks[at]);
+    build->wide_tasks[at].binary = binary;
+    build->wide_tasks[at].place = place;
+    build->wide_tasks[at].level = level;
+    return HYDRA_OK;
+}
+
+/* The wide tree below a binary node that does not become a leaf, whose wide node has its place. */
+HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t root_place, uint32_t root_level) {
+    uint32_t binary[HYI_TREE_DEPTH * HYI_WIDTH], place[HYI_TREE_DEPTH * HYI_WIDTH], level[HYI_TREE_DEPTH * HYI_WIDTH];
+    hyi_build *build = walk->build;
+    uint32_t waiting = 1;
+    binary[0] = root;
+    place[0] = root_place;
+    level[0] = root_level;
+    while (waiting > 0) {
+        hyi_family family;
+        uint32_t from = binary[--waiting], depth = level[waiting];
+        hyi_node *node = walk->writes ? &build->bvh->nodes[place[waiting]] : NULL;
+        if (walk->collects && (build->nodes[from].count & ~HYI_BUILD_INNER) <= HYI_WIDE_TASK) {
+            HYI_TRY(hyi_hand_over(walk, from, place[waiting], depth));
+            continue;
+        }
+        walk->depth = depth + 1u > walk->depth ? depth + 1u : walk->depth;
+        hyi_gather_family(build, from, &family);
+        walk->next_node += family.inner;
+        if (node) hyi_clear_node(node);
+        for (uint32_t c = family.count, at = walk->next_node; c-- > 0;) {
+            uint32_t member = family.member[c], child;
+            if (hyi_becomes_leaf(build, member)) {
+                child = hyi_place_leaf(walk, member);
+            } else {
+                child = --at;
+                binary[waiting] = member;
+                place[waiting] = at;
+                level[waiting++] = depth + 1u;
+            }
+            if (node) hyi_set_child(node, c, &build->nodes[member], child);
+        }
+    }
+    return HYDRA_OK;
+}
+
+/* ---- the whole tree */
+
+HYI_FN void hyi_count_wide_task(void *argument, uint32_t index) {
+    hyi_build *build = (hyi_build *)argument;
+    hyi_wide_task *task = &build->wide_tasks[index];
+    hyi_wide_walk walk = {build, false, false, 0, 0, 0, 0};
+    (void)hyi_walk_wide(&walk, task->binary, task->place, task->level);
+    task->nodes = walk.next_node;
+    task->slots = walk.next_slot;
+    task->depth = walk.depth;
+}
+
+HYI_FN void hyi_write_wide_task(void *argument, uint32_t index) {
+    hyi_build *build = (hyi_build *)argument;
+    const hyi_wide_task *task = &build->wide_tasks[index];
+    hyi_wide_walk walk = {build, true, false, 0, 0, 0, 0};
+    walk.next_node = task->first_node;
+    walk.next_slot = task->first_slot;
+    (void)hyi_walk_wide(&walk, task->binary, task->place, task->level);
+}
+
+/* Counts nodes and slots, and gives each task its own. */
+HYI_FN hydra_result hyi_count_wide(hyi_build *build, uint32_t root) {
+    hyi_wide_walk walk = {build, false, true, 1, 0, 0, 0};
+    HYI_TRY(hyi_walk_wide(&walk, root, 0, 0));
+    build->wide_task_count = walk.next_task;
+    hyi_parallel(build->context, build->wide_task_count, hyi_count_wide_task, build);
+    for (uint32_t t = 0; t < build->wide_task_count; t++) {
+        hyi_wide_task *task = &build->wide_tasks[t];
+        task->first_node = walk.next_node;
+        task->first_slot = walk.next_slot;
+        walk.next_node += task->nodes;
+        walk.next_slot += task->slots;
+        walk.depth = task->depth > walk.depth ? task->depth : walk.depth;
+    }
+    build->bvh->depth = walk.depth;
+    build->bvh->node_count = walk.next_node;
+    build->bvh->slot_count = walk.next_slot;
+    return HYDRA_OK;
+}
+
+/* Node and slot counts are set only where their arrays are there: hyi_bvh_free goes by them. */
+HYI_FN hydra_result hyi_allocate_wide(hyi_build *build) {
+    hyi_bvh *bvh = build->bvh;
+    HYI_TRY(hyi_alloc_array(build->context, &bvh->nodes, bvh->node_count));
+    HYI_TRY(hyi_alloc_array(build->context, &bvh->ids, bvh->slot_count));
+    bvh->bytes = (size_t)bvh->node_count * sizeof(hyi_node) + (size_t)bvh->slot_count * sizeof(uint32_t);
+    if (!build->positions) return HYDRA_OK;
+    size_t floats = hyi_bvh_row_floats(bvh->slot_count);
+    HYI_TRY(hyi_alloc_array(build->context, &bvh->rows, floats));
+    memset(bvh->rows + 9u * (size_t)bvh->slot_count, 0, HYI_ROWS_PADDING * sizeof(float));
+    bvh->bytes += floats * sizeof(float);
+    return HYDRA_OK;
+}
+
+/* Allocates and writes what stays. */
+HYI_FN hydra_result hyi_collapse(hyi_build *build) {
+    hyi_bvh *bvh = build->bvh;
+    uint32_t root = build->node_capacity - 1u, ids[HYI_LEAF_MAX];
+    bool one_leaf = hyi_becomes_leaf(build, root);
+    bvh->scale = build->scale;
+    hyi_bounds_store(&build->root_box, bvh->scaled.lower, bvh->scaled.upper);
+    if (one_leaf) {
+        bvh->slot_count = hyi_gather_leaf(build, root, 0, ids);
+        HYI_TRY(hyi_allocate_wide(build));
+        bvh->root = hyi_make_leaf(0, bvh->slot_count);
+        hyi_write_leaf(build, 0, bvh->slot_count, ids);
+        return HYDRA_OK;
+    }
+    HYI_TRY(hyi_count_wide(build, root));
+    HYI_TRY(hyi_allocate_wide(build));
+    bvh->root = 0;
+    hyi_wide_walk walk = {build, true, true, 1, 0, 0, 0};
+    HYI_TRY(hyi_walk_wide(&walk, root, 0, 0));
+    hyi_parallel(build->context, build->wide_task_count, hyi_write_wide_task, build);
+    return HYDRA_OK;
+}
+
+#endif /* HYI_BVH_BUILD_COLLAPSE_H */
+
+/* >>bvh-build: from triangles or boxes to a tree */
+#ifndef HYI_BVH_BUILD_H
+#define HYI_BVH_BUILD_H
+
+HYI_FN void hyi_build_release(hyi_build *build) {
+    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
+    hyi_free_array(build->context, &build->chunks, build->chunk_count);
+    hyi_free_array(build->context, &build->refs, build->capacity);
+    hyi_free_array(build->context, &build->other, build->capacity);
+    hyi_free_array(build->context, &build->nodes, build->node_capacity);
+    hyi_free_array(build->context, &build->costs, build->node_capacity);
+    hyi_free_array(build->context, &build->tasks, build->task_capacity);
+    hyi_free_array(build->context, &build->wide_tasks, build->wide_task_capacity);
+}
+
+HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
+    HYI_TRY(hyi_build_refs(build));
+    if (build->ref_count == 0) return HYDRA_OK;
+    HYI_TRY(hyi_build_tree(build));
+    hyi_free_array(build->context, &build->other, build->capacity);
+    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
+    HYI_TRY(hyi_build_costs(build));
+    return hyi_collapse(build);
+}
+
+/* On failure everything is freed and the tree is empty. */
+HYI_FN hydra_result hyi_build_run(hyi_build *build) {
+    memset(build->bvh, 0, sizeof *build->bvh);
+    if (build->source_count == 0) return HYDRA_OK;
+    if (build->source_count > HYI_PRIMITIVES_MAX) {
+        return hyi_fail(build->context, HYDRA_ERROR_COUNT, "%u primitives in one tree, the limit is %u", build->source_count, HYI_PRIMITIVES_MAX);
+    }
+    hydra_result result = hyi_build_steps(build);
+    hyi_build_release(build);
+    if (result != HYDRA_OK) hyi_bvh_free(build->context, build->bvh);
+    return result;
+}
+
+/* positions: x, y, z tightly packed and finite; indices: three a triangle, in range; quality: BEST or FAST. The tree
+   depends on these alone, not on threads. Degenerate triangles are dropped and counted. With BEST a triangle may
+   stand in several leaves. */
+HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
+                                            uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {
+    hyi_build build;
+    memset(&build, 0, sizeof build);
+    build.context = context;
+    build.positions = positions;
+    build.indices = indices;
+    build.source_count = triangle_count;
+    build.leaf_max = HYI_LEAF_MAX;
+    build.best = quality != HYDRA_BUILD_FAST;
+    build.bvh = bvh;
+    return hyi_build_run(&build);
+}
+
+/* A leaf is one box: it stands in its parent already. */
+HYI_FN hydra_result hyi_bvh_build_boxes(hydra_context *context, const hyi_box *boxes, uint32_t count, hyi_bvh *bvh) {
+    hyi_build build;
+    memset(&build, 0, sizeof build);
+    build.context = context;
+    build.boxes = boxes;
+    build.source_count = count;
+    build.leaf_max = 1;
+    build.bvh = bvh;
+    return hyi_build_run(&build);
+}
+
+#endif /* HYI_BVH_BUILD_H */
 
 /* >>bvh-triangle: a ray made ready for one tree, and the watertight triangle test
 
@@ -11011,246 +12084,6 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 
 #endif /* HYI_NEON */
 #endif /* HYI_BVH_NEON_H */
-
-/* >>bvh-build-collapse: from the binary tree to eight-wide nodes and rows of triangles
-
-   Wald, Benthin, Boulos 2008, "Getting rid of packets": a node takes its two children, then replaces the
-   one of largest surface by that one's children, until eight stand there or all are leaves. The choice of
-   least expected cost (Ylitie, Karras, Laine 2017, section 3.1) fills nodes better, but was measured to
-   visit as many nodes and 10 to 50 % more leaves (Sponza): it counts rays that do not stop at a hit. */
-#ifndef HYI_BVH_BUILD_COLLAPSE_H
-#define HYI_BVH_BUILD_COLLAPSE_H
-
-/* The binary nodes that become the children of one wide node, widest surface first. */
-typedef struct hyi_family {
-    uint32_t count;
-    uint32_t member[HYI_WIDTH];
-    double area[HYI_WIDTH];
-} hyi_family;
-
-HYI_INLINE bool hyi_build_is_leaf(const hyi_build_node *node) { return node->left == HYI_CHILD_NONE; }
-
-/* Keeps the order: largest surface first, then who came first. */
-HYI_FN void hyi_family_add(hyi_family *family, const hyi_build_node *nodes, uint32_t node) {
-    double area = hyi_box_area(&nodes[node].box);
-    uint32_t at = family->count++;
-    for (; at > 0 && family->area[at - 1u] < area; at--) {
-        family->area[at] = family->area[at - 1u];
-        family->member[at] = family->member[at - 1u];
-    }
-    family->area[at] = area;
-    family->member[at] = node;
-}
-
-HYI_FN void hyi_family_remove(hyi_family *family, uint32_t at) {
-    family->count--;
-    for (; at < family->count; at++) {
-        family->area[at] = family->area[at + 1u];
-        family->member[at] = family->member[at + 1u];
-    }
-}
-
-HYI_FN void hyi_gather_family(const hyi_build *build, uint32_t node, hyi_family *family) {
-    const hyi_build_node *nodes = build->nodes;
-    family->count = 0;
-    hyi_family_add(family, nodes, nodes[node].left);
-    hyi_family_add(family, nodes, nodes[node].left + 1u);
-    while (family->count < HYI_WIDTH) {
-        uint32_t at = 0;
-        while (at < family->count && hyi_build_is_leaf(&nodes[family->member[at]])) at++;
-        if (at == family->count) return;
-        uint32_t left = nodes[family->member[at]].left;
-        hyi_family_remove(family, at);
-        hyi_family_add(family, nodes, left);
-        hyi_family_add(family, nodes, left + 1u);
-    }
-}
-
-HYI_FN void hyi_clear_node(hyi_node *node) {
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        for (int a = 0; a < 3; a++) {
-            node->planes[2 * a][c] = HYI_EMPTY_PLANE;
-            node->planes[2 * a + 1][c] = -HYI_EMPTY_PLANE;
-        }
-        node->child[c] = HYI_CHILD_NONE;
-        node->unused[c] = 0;
-    }
-}
-
-HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_box *box, uint32_t child) {
-    for (int a = 0; a < 3; a++) {
-        node->planes[2 * a][c] = box->lower[a];
-        node->planes[2 * a + 1][c] = box->upper[a];
-    }
-    node->child[c] = child;
-}
-
-/* Counts the wide nodes below (and with) a binary one: the same walk as the one that writes them. */
-HYI_FN uint32_t hyi_count_wide(const hyi_build *build, uint32_t root) {
-    uint32_t list[HYI_TREE_DEPTH * HYI_WIDTH];
-    uint32_t waiting = 1, total = 0;
-    list[0] = root;
-    while (waiting > 0) {
-        hyi_family family;
-        hyi_gather_family(build, list[--waiting], &family);
-        total++;
-        for (uint32_t c = 0; c < family.count; c++) {
-            if (!hyi_build_is_leaf(&build->nodes[family.member[c]])) list[waiting++] = family.member[c];
-        }
-    }
-    return total;
-}
-
-/* Writes the wide nodes: the inner children of one stand together, and the largest is followed first, so
-   that a ray that goes on reads memory close by. */
-HYI_FN void hyi_write_wide(hyi_build *build, uint32_t root) {
-    uint32_t binary[HYI_TREE_DEPTH * HYI_WIDTH], wide[HYI_TREE_DEPTH * HYI_WIDTH], level[HYI_TREE_DEPTH * HYI_WIDTH];
-    hyi_bvh *bvh = build->bvh;
-    uint32_t waiting = 1, next = 1;
-    binary[0] = root;
-    wide[0] = level[0] = 0;
-    while (waiting > 0) {
-        hyi_family family;
-        uint32_t from = binary[--waiting], depth = level[waiting], inner = 0;
-        hyi_node *node = &bvh->nodes[wide[waiting]];
-        bvh->depth = depth + 1u > bvh->depth ? depth + 1u : bvh->depth;
-        hyi_gather_family(build, from, &family);
-        hyi_clear_node(node);
-        for (uint32_t c = 0; c < family.count; c++) inner += !hyi_build_is_leaf(&build->nodes[family.member[c]]);
-        next += inner;
-        for (uint32_t c = family.count, place = next; c-- > 0;) {
-            const hyi_build_node *child = &build->nodes[family.member[c]];
-            if (hyi_build_is_leaf(child)) {
-                hyi_set_child(node, c, &child->box, hyi_make_leaf(child->first, child->count));
-                continue;
-            }
-            hyi_set_child(node, c, &child->box, --place);
-            binary[waiting] = family.member[c];
-            wide[waiting] = place;
-            level[waiting++] = depth + 1u;
-        }
-    }
-}
-
-/* ---- triangles */
-
-HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t leaf) {
-    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t id = build->refs[first + i].id;
-        build->bvh->ids[first + i] = id;
-        if (!build->positions) continue;
-        float *row = build->bvh->rows + 9u * (size_t)first;
-        for (uint32_t corner = 0; corner < 3; corner++) {
-            const float *p = build->positions + 3u * (size_t)build->indices[3u * (size_t)id + corner];
-            for (uint32_t a = 0; a < 3; a++) row[(3u * corner + a) * count + i] = p[a] * build->scale;
-        }
-    }
-}
-
-HYI_FN void hyi_write_leaves_chunk(void *argument, uint32_t chunk) {
-    const hyi_build *build = (const hyi_build *)argument;
-    uint32_t end = hyi_chunk_end(chunk, build->bvh->node_count);
-    for (uint32_t n = chunk * HYI_BUILD_CHUNK; n < end; n++) {
-        for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-            uint32_t child = build->bvh->nodes[n].child[c];
-            if (hyi_child_is_leaf(child)) hyi_write_leaf(build, child);
-        }
-    }
-}
-
-/* Allocates and writes what stays. */
-HYI_FN hydra_result hyi_collapse(hyi_build *build) {
-    hyi_bvh *bvh = build->bvh;
-    uint32_t root = build->node_capacity - 1u;
-    bool one_leaf = hyi_build_is_leaf(&build->nodes[root]);
-    uint32_t nodes = one_leaf ? 0u : hyi_count_wide(build, root);
-    HYI_TRY(hyi_alloc_array(build->context, &bvh->nodes, nodes));
-    bvh->node_count = nodes;
-    HYI_TRY(hyi_alloc_array(build->context, &bvh->ids, build->ref_count));
-    bvh->slot_count = build->ref_count;
-    if (build->positions) {
-        HYI_TRY(hyi_alloc_array(build->context, &bvh->rows, hyi_bvh_row_floats(bvh->slot_count)));
-        memset(bvh->rows + 9u * (size_t)bvh->slot_count, 0, HYI_ROWS_PADDING * sizeof(float));
-    }
-    bvh->scale = build->scale;
-    bvh->scaled = build->nodes[root].box;
-    bvh->root = one_leaf ? hyi_make_leaf(0, build->ref_count) : 0u;
-    if (one_leaf) {
-        hyi_write_leaf(build, bvh->root);
-    } else {
-        hyi_write_wide(build, root);
-        hyi_parallel(build->context, (nodes + HYI_BUILD_CHUNK - 1u) / HYI_BUILD_CHUNK, hyi_write_leaves_chunk, build);
-    }
-    bvh->bytes = (size_t)nodes * sizeof(hyi_node) + (size_t)bvh->slot_count * sizeof(uint32_t);
-    if (bvh->rows) bvh->bytes += hyi_bvh_row_floats(bvh->slot_count) * sizeof(float);
-    return HYDRA_OK;
-}
-
-#endif /* HYI_BVH_BUILD_COLLAPSE_H */
-
-/* >>bvh-build: from triangles or boxes to a tree */
-#ifndef HYI_BVH_BUILD_H
-#define HYI_BVH_BUILD_H
-
-HYI_FN void hyi_build_release(hyi_build *build) {
-    hyi_free_array(build->context, &build->chunk_splits, build->chunk_count);
-    hyi_free_array(build->context, &build->chunks, build->chunk_count);
-    hyi_free_array(build->context, &build->refs, build->ref_count);
-    hyi_free_array(build->context, &build->other, build->ref_count);
-    hyi_free_array(build->context, &build->nodes, build->node_capacity);
-    hyi_free_array(build->context, &build->tasks, build->task_capacity);
-}
-
-HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
-    HYI_TRY(hyi_build_refs(build));
-    if (build->ref_count == 0) return HYDRA_OK;
-    HYI_TRY(hyi_build_tree(build));
-    return hyi_collapse(build);
-}
-
-/* On failure everything is freed and the tree is empty. */
-HYI_FN hydra_result hyi_build_run(hyi_build *build) {
-    memset(build->bvh, 0, sizeof *build->bvh);
-    if (build->source_count == 0) return HYDRA_OK;
-    if (build->source_count > HYI_PRIMITIVES_MAX) {
-        return hyi_fail(build->context, HYDRA_ERROR_COUNT, "%u primitives in one tree, the limit is %u", build->source_count, HYI_PRIMITIVES_MAX);
-    }
-    hydra_result result = hyi_build_steps(build);
-    hyi_build_release(build);
-    if (result != HYDRA_OK) hyi_bvh_free(build->context, build->bvh);
-    return result;
-}
-
-/* positions: x, y, z tightly packed and finite; indices: three a triangle, in range. The tree depends on
-   these alone, not on threads. Degenerate triangles are dropped and counted. */
-HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
-                                            uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {
-    hyi_build build;
-    (void)quality;
-    memset(&build, 0, sizeof build);
-    build.context = context;
-    build.positions = positions;
-    build.indices = indices;
-    build.source_count = triangle_count;
-    build.leaf_max = HYI_LEAF_MAX;
-    build.bvh = bvh;
-    return hyi_build_run(&build);
-}
-
-/* A leaf is one box: it stands in its parent already. */
-HYI_FN hydra_result hyi_bvh_build_boxes(hydra_context *context, const hyi_box *boxes, uint32_t count, hyi_bvh *bvh) {
-    hyi_build build;
-    memset(&build, 0, sizeof build);
-    build.context = context;
-    build.boxes = boxes;
-    build.source_count = count;
-    build.leaf_max = 1;
-    build.bvh = bvh;
-    return hyi_build_run(&build);
-}
-
-#endif /* HYI_BVH_BUILD_H */
 
 /* >>bvh-trace: what the renderer calls: batches of rays against surfaces, then against light shapes */
 #ifndef HYI_BVH_TRACE_H

@@ -167,7 +167,7 @@ typedef struct hydra_view {
 /* ---------------------------------------------------------------- context */
 
 /* alloc returns size bytes aligned to 64, or NULL; release gets the size that alloc was asked for.
-   Both may be called from the thread that called hydra and from its worker threads. */
+   Both may be called from the thread that called hydra, from its worker threads, and from any thread that casts rays. */
 typedef struct hydra_allocator {
     void *(*alloc)(void *user, size_t size);
     void (*release)(void *user, void *memory, size_t size);
@@ -429,7 +429,29 @@ typedef struct hydra_scene_info {
 
 HYDRA_API hydra_result hydra_scene_get_info(const hydra_scene *scene, hydra_scene_info *info);
 
-/* ---------------------------------------------------------------- ray queries */
+/* ---------------------------------------------------------------- ray queries
+
+   Rays on their own: picking, visibility, physics, or a renderer of your own. What they need is a context, a scene with
+   meshes and instances, and a commit; materials matter only where they cut holes (alpha), lights only where they have a
+   shape that can be hit. A program that uses no more than this and defines HYDRA_STATIC (or links with
+   -ffunction-sections -Wl,--gc-sections) gets a third of the library's code.
+
+   Guarantees. Watertight: a ray through a shared edge or vertex hits one of the triangles around it. Exact: among
+   triangles the nearest is decided in double from the float coordinates given, t is rounded once; there is no epsilon,
+   t_min 0 is allowed, and a ray that starts exactly in the plane of a triangle meets it at t 0. The same ray gets the
+   same answer, bit for bit, alone or in any batch, in any order, with any number of threads and any instruction set.
+
+   Speed. One call with many rays beats many calls: from some fifty rays on they go through the tree together. Best is an
+   order in which neighbours are alike (the pixels of a small block, then their shadow rays): those go as packets. Others
+   are sorted by direction within 65536, so give as many a call as there are. Use several threads by calling from several,
+   each with its share. `make bench-rays` measures all this.
+
+   Memory. A call with fifty or more rays takes a block from the allocator and returns it: about a kilobyte a ray, never
+   more than 6 MB (10 MB in scenes with instances). Where the allocator or the cap refuses, the answers are the same, later.
+   Descriptors of rays and hits are the caller's; nothing is kept.
+
+   Changing scenes. Mark meshes that move or change as dynamic; see hydra_scene_move_vertices, HYDRA_BUILD_FAST and
+   hydra_scene_save_trees. */
 
 typedef struct hydra_ray {
     float origin[3], t_min;    /* points on the ray: origin + t direction, t_min <= t <= t_max */
@@ -448,10 +470,10 @@ typedef struct hydra_hit {
     float normal[3];    /* geometric, unit length, world space, towards the front face */
 } hydra_hit;
 
-/* Closest hits of count rays. Ties go to the smallest instance, then triangle. Alpha is honoured.
-   Any number of threads may call it on one committed scene; runs in the calling thread.
-   Rays with NaN or infinite origin or direction, or a zero direction, miss; the first such ray is
-   reported as HYDRA_ERROR_RAY after all others were answered. */
+/* Closest hits of count rays: hits[i] belongs to rays[i]. Ties go to the smallest instance, then triangle. Alpha is
+   honoured. Any number of threads may call it on one committed scene; runs in the calling thread.
+   Rays with NaN or infinite origin, direction or t_min, a zero direction, or t_max below t_min miss; that there were some
+   is reported as HYDRA_ERROR_RAY after all others were answered. */
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count);
 /* occluded[i] is 1 if anything lies on ray i, else 0. As above otherwise. */
 HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydra_ray *rays, uint8_t *occluded, size_t count);

@@ -5,18 +5,23 @@
 #include "build_collapse.h"
 
 HYI_FN void hyi_build_release(hyi_build *build) {
-    hyi_free_array(build->context, &build->chunk_splits, build->chunk_count);
+    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
     hyi_free_array(build->context, &build->chunks, build->chunk_count);
-    hyi_free_array(build->context, &build->refs, build->ref_count);
-    hyi_free_array(build->context, &build->other, build->ref_count);
+    hyi_free_array(build->context, &build->refs, build->capacity);
+    hyi_free_array(build->context, &build->other, build->capacity);
     hyi_free_array(build->context, &build->nodes, build->node_capacity);
+    hyi_free_array(build->context, &build->costs, build->node_capacity);
     hyi_free_array(build->context, &build->tasks, build->task_capacity);
+    hyi_free_array(build->context, &build->wide_tasks, build->wide_task_capacity);
 }
 
 HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
     HYI_TRY(hyi_build_refs(build));
     if (build->ref_count == 0) return HYDRA_OK;
     HYI_TRY(hyi_build_tree(build));
+    hyi_free_array(build->context, &build->other, build->capacity);
+    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
+    HYI_TRY(hyi_build_costs(build));
     return hyi_collapse(build);
 }
 
@@ -33,18 +38,19 @@ HYI_FN hydra_result hyi_build_run(hyi_build *build) {
     return result;
 }
 
-/* positions: x, y, z tightly packed and finite; indices: three a triangle, in range. The tree depends on
-   these alone, not on threads. Degenerate triangles are dropped and counted. */
+/* positions: x, y, z tightly packed and finite; indices: three a triangle, in range; quality: BEST or FAST. The tree
+   depends on these alone, not on threads. Degenerate triangles are dropped and counted. With BEST a triangle may
+   stand in several leaves. */
 HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
                                             uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {
     hyi_build build;
-    (void)quality;
     memset(&build, 0, sizeof build);
     build.context = context;
     build.positions = positions;
     build.indices = indices;
     build.source_count = triangle_count;
     build.leaf_max = HYI_LEAF_MAX;
+    build.best = quality != HYDRA_BUILD_FAST;
     build.bvh = bvh;
     return hyi_build_run(&build);
 }

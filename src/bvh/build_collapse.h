@@ -1,26 +1,40 @@
 /* >>bvh-build-collapse: from the binary tree to eight-wide nodes and rows of triangles
 
-   Wald, Benthin, Boulos 2008, "Getting rid of packets": a node takes its two children, then replaces the
-   one of largest surface by that one's children, until eight stand there or all are leaves. The choice of
-   least expected cost (Ylitie, Karras, Laine 2017, section 3.1) fills nodes better, but was measured to
-   visit as many nodes and 10 to 50 % more leaves (Sponza): it counts rays that do not stop at a hit. */
+   The inner children of a node stand together, the largest is followed first, and its subtree lies in one
+   piece: a ray that goes on reads memory close by. What is near the root comes first. */
 #ifndef HYI_BVH_BUILD_COLLAPSE_H
 #define HYI_BVH_BUILD_COLLAPSE_H
 
-#include "build_tree.h"
+#include "build_cost.h"
+
+/* Subtrees with no more references than this are written by one thread. */
+#define HYI_WIDE_TASK 4096u
 
 /* The binary nodes that become the children of one wide node, widest surface first. */
 typedef struct hyi_family {
-    uint32_t count;
+    uint32_t count, inner;
     uint32_t member[HYI_WIDTH];
-    double area[HYI_WIDTH];
+    float area[HYI_WIDTH];
 } hyi_family;
 
-HYI_INLINE bool hyi_build_is_leaf(const hyi_build_node *node) { return node->left == HYI_CHILD_NONE; }
+/* A subtree that one thread writes: its root has its place, its own nodes and slots lie from first on. */
+typedef struct hyi_wide_task {
+    uint32_t binary, place, level;
+    uint32_t first_node, nodes, first_slot, slots, depth;
+} hyi_wide_task;
+
+/* A walk over the wide tree, which counts, and then writes. */
+typedef struct hyi_wide_walk {
+    hyi_build *build;
+    bool writes, collects; /* collects: leaves subtrees to tasks */
+    uint32_t next_node, next_slot, next_task, depth;
+} hyi_wide_walk;
+
+HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t node) { return build->costs[node].leaf; }
 
 /* Keeps the order: largest surface first, then who came first. */
-HYI_FN void hyi_family_add(hyi_family *family, const hyi_build_node *nodes, uint32_t node) {
-    double area = hyi_box_area(&nodes[node].box);
+HYI_FN void hyi_family_add(hyi_family *family, const hyi_build *build, uint32_t node) {
+    float area = hyi_node_area(&build->nodes[node]);
     uint32_t at = family->count++;
     for (; at > 0 && family->area[at - 1u] < area; at--) {
         family->area[at] = family->area[at - 1u];
@@ -28,31 +42,60 @@ HYI_FN void hyi_family_add(hyi_family *family, const hyi_build_node *nodes, uint
     }
     family->area[at] = area;
     family->member[at] = node;
+    family->inner += hyi_becomes_leaf(build, node) ? 0u : 1u;
 }
 
-HYI_FN void hyi_family_remove(hyi_family *family, uint32_t at) {
-    family->count--;
-    for (; at < family->count; at++) {
-        family->area[at] = family->area[at + 1u];
-        family->member[at] = family->member[at + 1u];
+/* Puts a subtree into up to places children. */
+HYI_FN void hyi_family_share(hyi_family *family, const hyi_build *build, uint32_t node, uint32_t places) {
+    const hyi_cost *cost = &build->costs[node];
+    while (places > 1u && cost->left[places - 2u] == 0) places--;
+    if (places == 1u) {
+        hyi_family_add(family, build, node);
+        return;
     }
+    uint32_t left = cost->left[places - 2u];
+    hyi_family_share(family, build, build->nodes[node].first, left);
+    hyi_family_share(family, build, build->nodes[node].first + 1u, places - left);
 }
 
 HYI_FN void hyi_gather_family(const hyi_build *build, uint32_t node, hyi_family *family) {
-    const hyi_build_node *nodes = build->nodes;
-    family->count = 0;
-    hyi_family_add(family, nodes, nodes[node].left);
-    hyi_family_add(family, nodes, nodes[node].left + 1u);
-    while (family->count < HYI_WIDTH) {
-        uint32_t at = 0;
-        while (at < family->count && hyi_build_is_leaf(&nodes[family->member[at]])) at++;
-        if (at == family->count) return;
-        uint32_t left = nodes[family->member[at]].left;
-        hyi_family_remove(family, at);
-        hyi_family_add(family, nodes, left);
-        hyi_family_add(family, nodes, left + 1u);
+    uint32_t left = build->costs[node].left[HYI_WIDTH - 2u];
+    family->count = family->inner = 0;
+    hyi_family_share(family, build, build->nodes[node].first, left);
+    hyi_family_share(family, build, build->nodes[node].first + 1u, HYI_WIDTH - left);
+}
+
+/* ---- leaves */
+
+/* The primitives below a binary node that becomes a leaf, each once; returns how many. */
+HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t count, uint32_t ids[HYI_LEAF_MAX]) {
+    const hyi_build_node *from = &build->nodes[node];
+    if (!hyi_build_is_leaf(from)) {
+        count = hyi_gather_leaf(build, from->first, count, ids);
+        return hyi_gather_leaf(build, from->first + 1u, count, ids);
+    }
+    for (uint32_t i = 0; i < from->count; i++) {
+        uint32_t id = hyi_ref_id(&build->refs[from->first + i]), at = 0;
+        while (at < count && ids[at] != id) at++;
+        ids[at] = id;
+        count += at == count ? 1u : 0u;
+    }
+    return count;
+}
+
+HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t first, uint32_t count, const uint32_t *ids) {
+    memcpy(build->bvh->ids + first, ids, count * sizeof *ids);
+    if (!build->positions) return;
+    float *row = build->bvh->rows + 9u * (size_t)first;
+    for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t corner = 0; corner < 3; corner++) {
+            const float *p = hyi_source_corner(build, ids[i], corner);
+            for (uint32_t a = 0; a < 3; a++) row[(3u * corner + a) * count + i] = p[a] * build->scale;
+        }
     }
 }
+
+/* ---- nodes */
 
 HYI_FN void hyi_clear_node(hyi_node *node) {
     for (uint32_t c = 0; c < HYI_WIDTH; c++) {
@@ -65,7 +108,7 @@ HYI_FN void hyi_clear_node(hyi_node *node) {
     }
 }
 
-HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_box *box, uint32_t child) {
+HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_build_node *box, uint32_t child) {
     for (int a = 0; a < 3; a++) {
         node->planes[2 * a][c] = box->lower[a];
         node->planes[2 * a + 1][c] = box->upper[a];
@@ -73,105 +116,141 @@ HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_box *box, uint32
     node->child[c] = child;
 }
 
-/* Counts the wide nodes below (and with) a binary one: the same walk as the one that writes them. */
-HYI_FN uint32_t hyi_count_wide(const hyi_build *build, uint32_t root) {
-    uint32_t list[HYI_TREE_DEPTH * HYI_WIDTH];
-    uint32_t waiting = 1, total = 0;
-    list[0] = root;
-    while (waiting > 0) {
-        hyi_family family;
-        hyi_gather_family(build, list[--waiting], &family);
-        total++;
-        for (uint32_t c = 0; c < family.count; c++) {
-            if (!hyi_build_is_leaf(&build->nodes[family.member[c]])) list[waiting++] = family.member[c];
-        }
-    }
-    return total;
+/* Gives a leaf its slots, and writes it; returns the child. */
+HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary) {
+    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot;
+    uint32_t count = hyi_gather_leaf(walk->build, binary, 0, ids);
+    walk->next_slot += count;
+    if (walk->writes) hyi_write_leaf(walk->build, first, count, ids);
+    return hyi_make_leaf(first, count);
 }
 
-/* Writes the wide nodes: the inner children of one stand together, and the largest is followed first, so
-   that a ray that goes on reads memory close by. */
-HYI_FN void hyi_write_wide(hyi_build *build, uint32_t root) {
-    uint32_t binary[HYI_TREE_DEPTH * HYI_WIDTH], wide[HYI_TREE_DEPTH * HYI_WIDTH], level[HYI_TREE_DEPTH * HYI_WIDTH];
-    hyi_bvh *bvh = build->bvh;
-    uint32_t waiting = 1, next = 1;
+/* Hands a subtree to a task. The walk that writes meets the same ones in the same order as the one that counts. */
+HYI_FN hydra_result hyi_hand_over(hyi_wide_walk *walk, uint32_t binary, uint32_t place, uint32_t level) {
+    hyi_build *build = walk->build;
+    size_t capacity = build->wide_task_capacity;
+    uint32_t at = walk->next_task++;
+    if (walk->writes) return HYDRA_OK;
+    HYI_TRY(hyi_grow_array(build->context, &build->wide_tasks, &capacity, (size_t)at + 1u));
+    build->wide_task_capacity = (uint32_t)capacity;
+    memset(&build->wide_tasks[at], 0, sizeof build->wide_tasks[at]);
+    build->wide_tasks[at].binary = binary;
+    build->wide_tasks[at].place = place;
+    build->wide_tasks[at].level = level;
+    return HYDRA_OK;
+}
+
+/* The wide tree below a binary node that does not become a leaf, whose wide node has its place. */
+HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t root_place, uint32_t root_level) {
+    uint32_t binary[HYI_TREE_DEPTH * HYI_WIDTH], place[HYI_TREE_DEPTH * HYI_WIDTH], level[HYI_TREE_DEPTH * HYI_WIDTH];
+    hyi_build *build = walk->build;
+    uint32_t waiting = 1;
     binary[0] = root;
-    wide[0] = level[0] = 0;
+    place[0] = root_place;
+    level[0] = root_level;
     while (waiting > 0) {
         hyi_family family;
-        uint32_t from = binary[--waiting], depth = level[waiting], inner = 0;
-        hyi_node *node = &bvh->nodes[wide[waiting]];
-        bvh->depth = depth + 1u > bvh->depth ? depth + 1u : bvh->depth;
+        uint32_t from = binary[--waiting], depth = level[waiting];
+        hyi_node *node = walk->writes ? &build->bvh->nodes[place[waiting]] : NULL;
+        if (walk->collects && (build->nodes[from].count & ~HYI_BUILD_INNER) <= HYI_WIDE_TASK) {
+            HYI_TRY(hyi_hand_over(walk, from, place[waiting], depth));
+            continue;
+        }
+        walk->depth = depth + 1u > walk->depth ? depth + 1u : walk->depth;
         hyi_gather_family(build, from, &family);
-        hyi_clear_node(node);
-        for (uint32_t c = 0; c < family.count; c++) inner += !hyi_build_is_leaf(&build->nodes[family.member[c]]);
-        next += inner;
-        for (uint32_t c = family.count, place = next; c-- > 0;) {
-            const hyi_build_node *child = &build->nodes[family.member[c]];
-            if (hyi_build_is_leaf(child)) {
-                hyi_set_child(node, c, &child->box, hyi_make_leaf(child->first, child->count));
-                continue;
+        walk->next_node += family.inner;
+        if (node) hyi_clear_node(node);
+        for (uint32_t c = family.count, at = walk->next_node; c-- > 0;) {
+            uint32_t member = family.member[c], child;
+            if (hyi_becomes_leaf(build, member)) {
+                child = hyi_place_leaf(walk, member);
+            } else {
+                child = --at;
+                binary[waiting] = member;
+                place[waiting] = at;
+                level[waiting++] = depth + 1u;
             }
-            hyi_set_child(node, c, &child->box, --place);
-            binary[waiting] = family.member[c];
-            wide[waiting] = place;
-            level[waiting++] = depth + 1u;
+            if (node) hyi_set_child(node, c, &build->nodes[member], child);
         }
     }
+    return HYDRA_OK;
 }
 
-/* ---- triangles */
+/* ---- the whole tree */
 
-HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t leaf) {
-    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t id = build->refs[first + i].id;
-        build->bvh->ids[first + i] = id;
-        if (!build->positions) continue;
-        float *row = build->bvh->rows + 9u * (size_t)first;
-        for (uint32_t corner = 0; corner < 3; corner++) {
-            const float *p = build->positions + 3u * (size_t)build->indices[3u * (size_t)id + corner];
-            for (uint32_t a = 0; a < 3; a++) row[(3u * corner + a) * count + i] = p[a] * build->scale;
-        }
-    }
+HYI_FN void hyi_count_wide_task(void *argument, uint32_t index) {
+    hyi_build *build = (hyi_build *)argument;
+    hyi_wide_task *task = &build->wide_tasks[index];
+    hyi_wide_walk walk = {build, false, false, 0, 0, 0, 0};
+    (void)hyi_walk_wide(&walk, task->binary, task->place, task->level);
+    task->nodes = walk.next_node;
+    task->slots = walk.next_slot;
+    task->depth = walk.depth;
 }
 
-HYI_FN void hyi_write_leaves_chunk(void *argument, uint32_t chunk) {
-    const hyi_build *build = (const hyi_build *)argument;
-    uint32_t end = hyi_chunk_end(chunk, build->bvh->node_count);
-    for (uint32_t n = chunk * HYI_BUILD_CHUNK; n < end; n++) {
-        for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-            uint32_t child = build->bvh->nodes[n].child[c];
-            if (hyi_child_is_leaf(child)) hyi_write_leaf(build, child);
-        }
+HYI_FN void hyi_write_wide_task(void *argument, uint32_t index) {
+    hyi_build *build = (hyi_build *)argument;
+    const hyi_wide_task *task = &build->wide_tasks[index];
+    hyi_wide_walk walk = {build, true, false, 0, 0, 0, 0};
+    walk.next_node = task->first_node;
+    walk.next_slot = task->first_slot;
+    (void)hyi_walk_wide(&walk, task->binary, task->place, task->level);
+}
+
+/* Counts nodes and slots, and gives each task its own. */
+HYI_FN hydra_result hyi_count_wide(hyi_build *build, uint32_t root) {
+    hyi_wide_walk walk = {build, false, true, 1, 0, 0, 0};
+    HYI_TRY(hyi_walk_wide(&walk, root, 0, 0));
+    build->wide_task_count = walk.next_task;
+    hyi_parallel(build->context, build->wide_task_count, hyi_count_wide_task, build);
+    for (uint32_t t = 0; t < build->wide_task_count; t++) {
+        hyi_wide_task *task = &build->wide_tasks[t];
+        task->first_node = walk.next_node;
+        task->first_slot = walk.next_slot;
+        walk.next_node += task->nodes;
+        walk.next_slot += task->slots;
+        walk.depth = task->depth > walk.depth ? task->depth : walk.depth;
     }
+    build->bvh->depth = walk.depth;
+    build->bvh->node_count = walk.next_node;
+    build->bvh->slot_count = walk.next_slot;
+    return HYDRA_OK;
+}
+
+/* Node and slot counts are set only where their arrays are there: hyi_bvh_free goes by them. */
+HYI_FN hydra_result hyi_allocate_wide(hyi_build *build) {
+    hyi_bvh *bvh = build->bvh;
+    HYI_TRY(hyi_alloc_array(build->context, &bvh->nodes, bvh->node_count));
+    HYI_TRY(hyi_alloc_array(build->context, &bvh->ids, bvh->slot_count));
+    bvh->bytes = (size_t)bvh->node_count * sizeof(hyi_node) + (size_t)bvh->slot_count * sizeof(uint32_t);
+    if (!build->positions) return HYDRA_OK;
+    size_t floats = hyi_bvh_row_floats(bvh->slot_count);
+    HYI_TRY(hyi_alloc_array(build->context, &bvh->rows, floats));
+    memset(bvh->rows + 9u * (size_t)bvh->slot_count, 0, HYI_ROWS_PADDING * sizeof(float));
+    bvh->bytes += floats * sizeof(float);
+    return HYDRA_OK;
 }
 
 /* Allocates and writes what stays. */
 HYI_FN hydra_result hyi_collapse(hyi_build *build) {
     hyi_bvh *bvh = build->bvh;
-    uint32_t root = build->node_capacity - 1u;
-    bool one_leaf = hyi_build_is_leaf(&build->nodes[root]);
-    uint32_t nodes = one_leaf ? 0u : hyi_count_wide(build, root);
-    HYI_TRY(hyi_alloc_array(build->context, &bvh->nodes, nodes));
-    bvh->node_count = nodes;
-    HYI_TRY(hyi_alloc_array(build->context, &bvh->ids, build->ref_count));
-    bvh->slot_count = build->ref_count;
-    if (build->positions) {
-        HYI_TRY(hyi_alloc_array(build->context, &bvh->rows, hyi_bvh_row_floats(bvh->slot_count)));
-        memset(bvh->rows + 9u * (size_t)bvh->slot_count, 0, HYI_ROWS_PADDING * sizeof(float));
-    }
+    uint32_t root = build->node_capacity - 1u, ids[HYI_LEAF_MAX];
+    bool one_leaf = hyi_becomes_leaf(build, root);
     bvh->scale = build->scale;
-    bvh->scaled = build->nodes[root].box;
-    bvh->root = one_leaf ? hyi_make_leaf(0, build->ref_count) : 0u;
+    hyi_bounds_store(&build->root_box, bvh->scaled.lower, bvh->scaled.upper);
     if (one_leaf) {
-        hyi_write_leaf(build, bvh->root);
-    } else {
-        hyi_write_wide(build, root);
-        hyi_parallel(build->context, (nodes + HYI_BUILD_CHUNK - 1u) / HYI_BUILD_CHUNK, hyi_write_leaves_chunk, build);
+        bvh->slot_count = hyi_gather_leaf(build, root, 0, ids);
+        HYI_TRY(hyi_allocate_wide(build));
+        bvh->root = hyi_make_leaf(0, bvh->slot_count);
+        hyi_write_leaf(build, 0, bvh->slot_count, ids);
+        return HYDRA_OK;
     }
-    bvh->bytes = (size_t)nodes * sizeof(hyi_node) + (size_t)bvh->slot_count * sizeof(uint32_t);
-    if (bvh->rows) bvh->bytes += hyi_bvh_row_floats(bvh->slot_count) * sizeof(float);
+    HYI_TRY(hyi_count_wide(build, root));
+    HYI_TRY(hyi_allocate_wide(build));
+    bvh->root = 0;
+    hyi_wide_walk walk = {build, true, true, 1, 0, 0, 0};
+    HYI_TRY(hyi_walk_wide(&walk, root, 0, 0));
+    hyi_parallel(build->context, build->wide_task_count, hyi_write_wide_task, build);
     return HYDRA_OK;
 }
 

@@ -1,31 +1,37 @@
-/* >>bvh-build-refs: the primitives of a build: bounds and ids, degenerate triangles dropped */
+/* >>bvh-build-refs: the primitives of a build: boxes and ids, degenerate triangles dropped */
 #ifndef HYI_BVH_BUILD_REFS_H
 #define HYI_BVH_BUILD_REFS_H
 
-#include "layout.h"
+#include "build_vector.h"
 
 /* Work is cut into pieces of this many primitives whatever the number of threads: same pieces, same tree. */
-#define HYI_BUILD_CHUNK 8192u
+#define HYI_BUILD_CHUNK 4096u
 
+/* References that spatial splits may add, in percent of the triangles: memory for them is known before the build. */
+#define HYI_BUILD_EXTRA_PERCENT 40u
+
+/* A primitive, or with spatial splits the part of one that lies in a cell. Lane 3 of lower holds the id, made
+   a float of moderate size so that arithmetic on all lanes never meets a denormal there. */
 typedef struct hyi_ref {
-    float lower[3];
-    uint32_t id;
-    float upper[3];
-    uint32_t unused;
+    float lower[4], upper[4];
 } hyi_ref;
+#define HYI_REF_ID_BITS 0x40000000u
 
-/* A node of the binary tree that the wide one is made from. The two children of a node whose range is
-   cut at slot m are nodes 2 (m - 1) and 2 (m - 1) + 1: no two cuts share an m, so places need no counter
-   and come out the same on any thread. */
+/* A node of the binary tree that the wide one is made from. */
 typedef struct hyi_build_node {
-    hyi_box box;
-    uint32_t first, count;
-    uint32_t left; /* HYI_CHILD_NONE: a leaf */
+    float lower[3];
+    uint32_t first; /* inner: its left child, the right one follows; leaf: its first reference */
+    float upper[3];
+    uint32_t count; /* of references; HYI_BUILD_INNER: those it had before it was cut */
 } hyi_build_node;
+#define HYI_BUILD_INNER 0x80000000u
 
-/* Bounds and number of the primitives in one chunk. */
+HYI_INLINE bool hyi_build_is_leaf(const hyi_build_node *node) { return (node->count & HYI_BUILD_INNER) == 0u; }
+
+/* What one chunk of the source has. */
 typedef struct hyi_chunk_sum {
-    hyi_box box;
+    hyi_bounds box, centroids;
+    double area;
     uint32_t kept, first;
 } hyi_chunk_sum;
 
@@ -35,22 +41,55 @@ typedef struct hyi_build {
     const uint32_t *indices;
     const hyi_box *boxes;     /* or boxes */
     uint32_t source_count, ref_count;
+    uint32_t capacity;        /* places for references: ref_count and what spatial splits may add */
     uint32_t leaf_max;
+    bool best;                /* spatial splits, down to single triangles; leaves are chosen afterwards */
     float scale;
-    hyi_ref *refs, *other;    /* other: where large ranges are partitioned to */
+    hyi_ref *refs, *other;    /* other: where ranges are partitioned to */
     hyi_build_node *nodes;
     uint32_t node_capacity;
+    struct hyi_cost *costs;   /* of subtrees, by node */
     hyi_chunk_sum *chunks;
     uint32_t chunk_count;
     struct hyi_chunk_split *chunk_splits;
-    struct hyi_range *tasks; /* small ranges, a subtree each */
+    uint32_t chunk_split_count;
+    struct hyi_range *tasks;  /* small ranges, a subtree each */
     uint32_t task_count, task_capacity;
+    struct hyi_wide_task *wide_tasks;
+    uint32_t wide_task_count, wide_task_capacity;
+    hyi_bounds root_box, root_centroids;
+    float root_area;
     hyi_bvh *bvh;
 } hyi_build;
 
+HYI_INLINE uint32_t hyi_ref_id(const hyi_ref *ref) {
+    uint32_t bits;
+    memcpy(&bits, &ref->lower[3], sizeof bits);
+    return bits & ~HYI_REF_ID_BITS;
+}
+
+/* The box with the id of another reference, or with its own where it was made from one: lane 3 is not kept by boxes. */
+HYI_INLINE void hyi_ref_set(hyi_ref *ref, const hyi_bounds *box, uint32_t id) {
+    uint32_t bits = id | HYI_REF_ID_BITS;
+    hyi_four_store(ref->lower, box->lower);
+    hyi_four_store(ref->upper, box->upper);
+    memcpy(&ref->lower[3], &bits, sizeof bits);
+    ref->upper[3] = 0.0f;
+}
+
+HYI_INLINE hyi_bounds hyi_ref_box(const hyi_ref *ref) {
+    hyi_bounds box;
+    box.lower = hyi_four_load(ref->lower);
+    box.upper = hyi_four_load(ref->upper);
+    return box;
+}
+
+/* Twice the middle. */
+HYI_INLINE hyi_four hyi_centroid(const hyi_bounds *box) { return hyi_four_rounded(hyi_four_add(box->lower, box->upper)); }
+
 /* Whether the triangle spans no area: equal corners or a cross product of zero. Differences of floats of
    similar size are exact in double, and so are their products up to the last bits. */
-HYI_FN bool hyi_triangle_is_degenerate(const float *a, const float *b, const float *c) {
+HYI_INLINE bool hyi_triangle_is_degenerate(const float *a, const float *b, const float *c) {
     double e[3], f[3];
     for (int i = 0; i < 3; i++) {
         e[i] = (double)b[i] - (double)a[i];
@@ -59,58 +98,54 @@ HYI_FN bool hyi_triangle_is_degenerate(const float *a, const float *b, const flo
     return e[1] * f[2] == e[2] * f[1] && e[2] * f[0] == e[0] * f[2] && e[0] * f[1] == e[1] * f[0];
 }
 
-/* Bounds of primitive i of the source; false: drop it. */
-HYI_INLINE bool hyi_source_box(const hyi_build *build, uint32_t i, hyi_box *box) {
+/* Corner of triangle id of the source. */
+HYI_INLINE const float *hyi_source_corner(const hyi_build *build, uint32_t id, uint32_t corner) {
+    return build->positions + 3u * (size_t)build->indices[3u * (size_t)id + corner];
+}
+
+/* Box of primitive i of the source; false: drop it. */
+HYI_INLINE bool hyi_source_box(const hyi_build *build, uint32_t i, hyi_bounds *box) {
     if (build->boxes) {
-        *box = build->boxes[i];
+        *box = hyi_bounds_load(build->boxes[i].lower, build->boxes[i].upper);
         return true;
     }
-    const uint32_t *index = build->indices + 3u * (size_t)i;
-    const float *a = build->positions + 3u * (size_t)index[0];
-    const float *b = build->positions + 3u * (size_t)index[1];
-    const float *c = build->positions + 3u * (size_t)index[2];
-    *box = hyi_box_empty();
-    hyi_box_add(box, a, a);
-    hyi_box_add(box, b, b);
-    hyi_box_add(box, c, c);
+    const float *a = hyi_source_corner(build, i, 0), *b = hyi_source_corner(build, i, 1), *c = hyi_source_corner(build, i, 2);
+    hyi_four p = hyi_four_make(a[0], a[1], a[2]), q = hyi_four_make(b[0], b[1], b[2]), r = hyi_four_make(c[0], c[1], c[2]);
+    box->lower = hyi_four_min(hyi_four_min(p, q), r);
+    box->upper = hyi_four_max(hyi_four_max(p, q), r);
     return !hyi_triangle_is_degenerate(a, b, c);
 }
+
+HYI_INLINE uint32_t hyi_chunks_of(uint32_t count) { return count / HYI_BUILD_CHUNK + (count % HYI_BUILD_CHUNK != 0u); }
 
 HYI_INLINE uint32_t hyi_chunk_end(uint32_t chunk, uint32_t count) {
     uint32_t left = count - chunk * HYI_BUILD_CHUNK;
     return chunk * HYI_BUILD_CHUNK + (left < HYI_BUILD_CHUNK ? left : HYI_BUILD_CHUNK);
 }
 
-HYI_FN void hyi_sum_chunk(void *argument, uint32_t chunk) {
+/* Writes the references of a chunk from its place on, in the source's order, scaled. */
+HYI_FN void hyi_fill_chunk(void *argument, uint32_t chunk) {
     hyi_build *build = (hyi_build *)argument;
     hyi_chunk_sum sum;
-    sum.box = hyi_box_empty();
-    sum.kept = sum.first = 0;
+    sum.box = sum.centroids = hyi_bounds_empty();
+    sum.first = build->chunks[chunk].first;
+    sum.kept = 0;
+    sum.area = 0.0;
+    hyi_ref *out = build->refs + sum.first;
+    hyi_four scale = hyi_four_all(build->scale);
     uint32_t end = hyi_chunk_end(chunk, build->source_count);
     for (uint32_t i = chunk * HYI_BUILD_CHUNK; i < end; i++) {
-        hyi_box box;
+        hyi_bounds box;
         if (!hyi_source_box(build, i, &box)) continue;
-        hyi_box_add(&sum.box, box.lower, box.upper);
+        box.lower = hyi_four_mul(box.lower, scale);
+        box.upper = hyi_four_mul(box.upper, scale);
+        hyi_bounds_add(&sum.box, box.lower, box.upper);
+        hyi_four centroid = hyi_centroid(&box);
+        hyi_bounds_add(&sum.centroids, centroid, centroid);
+        hyi_ref_set(out + sum.kept, &box, i);
         sum.kept++;
     }
     build->chunks[chunk] = sum;
-}
-
-HYI_FN void hyi_fill_chunk(void *argument, uint32_t chunk) {
-    hyi_build *build = (hyi_build *)argument;
-    hyi_ref *out = build->refs + build->chunks[chunk].first;
-    uint32_t end = hyi_chunk_end(chunk, build->source_count);
-    for (uint32_t i = chunk * HYI_BUILD_CHUNK; i < end; i++) {
-        hyi_box box;
-        if (!hyi_source_box(build, i, &box)) continue;
-        for (int a = 0; a < 3; a++) {
-            out->lower[a] = box.lower[a] * build->scale;
-            out->upper[a] = box.upper[a] * build->scale;
-        }
-        out->id = i;
-        out->unused = 0;
-        out++;
-    }
 }
 
 /* The power of two that brings the largest coordinate to about 1, or 1 where it is within 2^20 of that. */
@@ -126,24 +161,40 @@ HYI_FN float hyi_build_scale(const hyi_box *box) {
     return ldexpf(1.0f, exponent < -126 ? 126 : -exponent);
 }
 
-/* Counts what is kept, sets the bounds and the scale, and fills the references in the source's order. */
-HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
-    build->chunk_count = build->source_count / HYI_BUILD_CHUNK + (build->source_count % HYI_BUILD_CHUNK != 0u);
-    HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
-    hyi_parallel(build->context, build->chunk_count, hyi_sum_chunk, build);
-    hyi_box box = hyi_box_empty();
+/* Adds up the chunks: what is kept, the bounds, and where each chunk would begin without gaps. */
+HYI_FN void hyi_sum_chunks(hyi_build *build) {
+    build->ref_count = 0;
+    build->root_box = build->root_centroids = hyi_bounds_empty();
     for (uint32_t c = 0; c < build->chunk_count; c++) {
-        build->chunks[c].first = build->ref_count;
-        build->ref_count += build->chunks[c].kept;
-        hyi_box_add(&box, build->chunks[c].box.lower, build->chunks[c].box.upper);
+        hyi_chunk_sum *chunk = &build->chunks[c];
+        hyi_bounds_add(&build->root_box, chunk->box.lower, chunk->box.upper);
+        hyi_bounds_add(&build->root_centroids, chunk->centroids.lower, chunk->centroids.upper);
+        chunk->first = build->ref_count;
+        build->ref_count += chunk->kept;
     }
+    build->root_area = hyi_bounds_area(&build->root_box);
+}
+
+/* Allocates and fills the references, sets the bounds and the scale, and counts what is kept. Unscaled and without
+   gaps, as references nearly always are, one pass does. */
+HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
+    uint32_t extra = build->best ? build->source_count / 100u * HYI_BUILD_EXTRA_PERCENT + build->source_count % 100u : 0u;
+    build->chunk_count = hyi_chunks_of(build->source_count);
+    build->capacity = build->source_count + extra;
+    build->scale = 1.0f;
+    HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
+    HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->capacity));
+    for (uint32_t c = 0; c < build->chunk_count; c++) build->chunks[c].first = c * HYI_BUILD_CHUNK;
+    hyi_parallel(build->context, build->chunk_count, hyi_fill_chunk, build);
+    hyi_sum_chunks(build);
     build->bvh->degenerate = build->source_count - build->ref_count;
     build->bvh->primitive_count = build->ref_count;
     if (build->ref_count == 0) return HYDRA_OK;
-    build->bvh->bounds = box;
-    build->scale = hyi_build_scale(&box);
-    HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->ref_count));
+    hyi_bounds_store(&build->root_box, build->bvh->bounds.lower, build->bvh->bounds.upper);
+    build->scale = hyi_build_scale(&build->bvh->bounds);
+    if (build->ref_count == build->source_count && build->scale == 1.0f) return HYDRA_OK;
     hyi_parallel(build->context, build->chunk_count, hyi_fill_chunk, build);
+    hyi_sum_chunks(build);
     return HYDRA_OK;
 }
 

@@ -10,132 +10,137 @@
 
 #define HYI_BINS 32u
 
-/* Expected costs, in visits of a node. A leaf costs one pass over its lanes, and memory by the triangle. */
-#define HYI_COST_NODE 4.0
-#define HYI_COST_LEAF 0.5
-#define HYI_COST_TRIANGLE 0.25
+/* Expected costs while cutting, by the triangle: of a visit to a leaf, and of a node's share that a cut takes. Wide nodes
+   and leaves are chosen afterwards, by the costs in bvh-build-cost. */
+#define HYI_SPLIT_BLOCK 2.0f
+#define HYI_SPLIT_NODE (16.0f / 7.0f)
 
 typedef struct hyi_bins {
-    hyi_box box[3][HYI_BINS];
-    uint32_t count[3][HYI_BINS];
+    hyi_bounds box[HYI_BINS][3];
+    uint32_t count[HYI_BINS][4];
 } hyi_bins;
 
-/* How centroids map to bins; the bin of a primitive is the same wherever it is asked for. Centroids are
-   kept doubled (lower + upper). scale 0: no extent along that axis. */
+/* How doubled centroids map to bins; the bin of a primitive is the same wherever it is asked for. scale 0: no
+   extent along that axis. */
 typedef struct hyi_binning {
-    float origin[3], scale[3];
+    hyi_four origin, scale, last;
     uint32_t count;
+    bool usable[3];
 } hyi_binning;
 
-/* A range that becomes a node, with the bounds of its centroids. */
+/* A range of references that becomes a node. It owns capacity places from first on, and uses count of them. */
 typedef struct hyi_range {
-    hyi_box centroids;
-    uint32_t node, first, count, depth;
+    hyi_bounds box, centroids;
+    uint32_t node, first, count, capacity, depth;
+    bool in_other; /* which array it lies in */
 } hyi_range;
 
 typedef struct hyi_split {
-    double cost;      /* of both sides times the area of the node */
-    int axis;         /* -1: cut in the middle of the range as it lies */
-    uint32_t bin;     /* first bin of the right side */
-    hyi_box left, right;
+    float cost;      /* of both sides times the area of the node */
+    int axis;        /* -1: none */
+    bool spatial;
+    uint32_t bin;    /* first bin of the right side */
+    float plane;     /* of a spatial split */
+    uint32_t left_count, right_count;
+    hyi_bounds left, right;
 } hyi_split;
 
-HYI_INLINE float hyi_centroid(const hyi_ref *ref, int axis) { return ref->lower[axis] + ref->upper[axis]; }
-
-HYI_INLINE void hyi_add_centroid(hyi_box *box, const hyi_ref *ref) {
-    float c[3];
-    for (int a = 0; a < 3; a++) c[a] = hyi_centroid(ref, a);
-    hyi_box_add(box, c, c);
-}
-
-HYI_INLINE hyi_binning hyi_make_binning(const hyi_box *centroids, uint32_t primitives) {
+HYI_INLINE hyi_binning hyi_make_binning(const hyi_bounds *centroids, uint32_t primitives) {
     hyi_binning binning;
-    binning.count = primitives < 4u * HYI_BINS ? 4u + primitives / 8u : HYI_BINS;
-    binning.count = binning.count < HYI_BINS ? binning.count : HYI_BINS;
+    float extent[4], scale[4] = {0.0f, 0.0f, 0.0f, 0.0f};
+    binning.count = primitives < 8u * (HYI_BINS - 4u) ? 4u + primitives / 8u : HYI_BINS;
+    hyi_four_store(extent, hyi_four_sub(centroids->upper, centroids->lower));
     for (int a = 0; a < 3; a++) {
-        float extent = centroids->upper[a] - centroids->lower[a];
-        binning.origin[a] = centroids->lower[a];
-        binning.scale[a] = extent > 1.0e-30f ? (float)binning.count / extent : 0.0f;
+        binning.usable[a] = extent[a] > 1.0e-30f;
+        if (binning.usable[a]) scale[a] = (float)binning.count / extent[a];
     }
+    binning.origin = centroids->lower;
+    binning.scale = hyi_four_load(scale);
+    binning.last = hyi_four_all((float)(binning.count - 1u));
     return binning;
 }
 
-HYI_INLINE uint32_t hyi_bin_of(const hyi_binning *binning, const hyi_ref *ref, int axis) {
-    float offset = hyi_rounded(hyi_rounded(hyi_centroid(ref, axis)) - binning->origin[axis]);
-    int32_t bin = (int32_t)hyi_rounded(offset * binning->scale[axis]);
-    int32_t last = (int32_t)binning->count - 1;
-    bin = bin < last ? bin : last;
-    return (uint32_t)(bin > 0 ? bin : 0);
+/* Bins along all axes. The scale rounds, so that the last bin may be passed: hence the minimum. */
+HYI_INLINE void hyi_bins_of(const hyi_binning *binning, hyi_four centroid, int32_t bin[4]) {
+    hyi_four at = hyi_four_rounded(hyi_four_mul(hyi_four_rounded(hyi_four_sub(centroid, binning->origin)), binning->scale));
+    hyi_four_truncate(hyi_four_min(hyi_four_max(at, hyi_four_all(0.0f)), binning->last), bin);
 }
 
 HYI_FN void hyi_bins_clear(hyi_bins *bins, uint32_t count) {
-    for (int a = 0; a < 3; a++) {
-        for (uint32_t b = 0; b < count; b++) {
-            bins->box[a][b] = hyi_box_empty();
-            bins->count[a][b] = 0;
-        }
+    for (uint32_t b = 0; b < count; b++) {
+        for (int a = 0; a < 3; a++) bins->box[b][a] = hyi_bounds_empty();
+        memset(bins->count[b], 0, sizeof bins->count[b]);
     }
 }
 
 HYI_FN void hyi_bins_fill(hyi_bins *bins, const hyi_binning *binning, const hyi_ref *refs, uint32_t count) {
     for (uint32_t i = 0; i < count; i++) {
+        hyi_bounds box = hyi_ref_box(&refs[i]);
+        int32_t bin[4];
+        hyi_bins_of(binning, hyi_centroid(&box), bin);
         for (int a = 0; a < 3; a++) {
-            uint32_t bin = hyi_bin_of(binning, &refs[i], a);
-            hyi_box_add(&bins->box[a][bin], refs[i].lower, refs[i].upper);
-            bins->count[a][bin]++;
+            hyi_bounds_add(&bins->box[bin[a]][a], box.lower, box.upper);
+            bins->count[bin[a]][a]++;
         }
     }
 }
 
 HYI_FN void hyi_bins_merge(hyi_bins *bins, const hyi_bins *more, uint32_t count) {
-    for (int a = 0; a < 3; a++) {
-        for (uint32_t b = 0; b < count; b++) {
-            hyi_box_add(&bins->box[a][b], more->box[a][b].lower, more->box[a][b].upper);
-            bins->count[a][b] += more->count[a][b];
+    for (uint32_t b = 0; b < count; b++) {
+        for (int a = 0; a < 3; a++) {
+            hyi_bounds_add(&bins->box[b][a], more->box[b][a].lower, more->box[b][a].upper);
+            bins->count[b][a] += more->count[b][a];
         }
     }
 }
 
-/* Expected cost of a subtree of count primitives, were it entered. */
-HYI_INLINE double hyi_primitives_cost(uint32_t count, uint32_t leaf_max) {
-    uint32_t blocks = (count + leaf_max - 1u) / leaf_max;
-    return HYI_COST_LEAF * (double)blocks + HYI_COST_TRIANGLE * (double)count;
+/* Expected cost of a subtree of count primitives, were it entered: leaves test up to HYI_LEAF_MAX at once, which
+   makes ranges that fill them dear to cut. */
+HYI_INLINE float hyi_primitives_cost(uint32_t count) {
+    return HYI_SPLIT_BLOCK * (float)((count + HYI_LEAF_MAX - 1u) / HYI_LEAF_MAX) + (float)count;
 }
 
-/* Sweeps one axis from the right, then from the left. */
-HYI_FN void hyi_best_on_axis(const hyi_bins *bins, uint32_t count, int axis, uint32_t leaf_max, hyi_split *best) {
-    hyi_box right[HYI_BINS];
-    double right_cost[HYI_BINS];
-    hyi_box box = hyi_box_empty();
-    uint32_t primitives = 0;
-    for (uint32_t b = count; b-- > 1u;) {
-        hyi_box_add(&box, bins->box[axis][b].lower, bins->box[axis][b].upper);
-        primitives += bins->count[axis][b];
-        right[b] = box;
-        right_cost[b] = primitives ? hyi_box_area(&box) * hyi_primitives_cost(primitives, leaf_max) : -1.0;
-    }
-    box = hyi_box_empty();
-    primitives = 0;
-    for (uint32_t b = 1; b < count; b++) {
-        hyi_box_add(&box, bins->box[axis][b - 1u].lower, bins->box[axis][b - 1u].upper);
-        primitives += bins->count[axis][b - 1u];
-        if (primitives == 0 || right_cost[b] < 0.0) continue;
-        double cost = hyi_box_area(&box) * hyi_primitives_cost(primitives, leaf_max) + right_cost[b];
-        if (best->axis >= 0 && cost >= best->cost) continue;
-        best->cost = cost;
-        best->axis = axis;
-        best->bin = b;
-        best->left = box;
-        best->right = right[b];
-    }
+/* Both sides of a cut have primitives: what it costs. */
+HYI_INLINE float hyi_cut_cost(float left_area, uint32_t left_count, float right_area, uint32_t right_count) {
+    return left_area * hyi_primitives_cost(left_count) + right_area * hyi_primitives_cost(right_count);
 }
 
-HYI_FN hyi_split hyi_best_split(const hyi_bins *bins, const hyi_binning *binning, uint32_t leaf_max) {
+/* Sweeps all axes from the right, then from the left. */
+HYI_FN hyi_split hyi_best_split(const hyi_bins *bins, const hyi_binning *binning) {
+    float right_area[HYI_BINS][3];
+    uint32_t right_count[HYI_BINS][3], count[3] = {0, 0, 0};
+    hyi_bounds box[3];
     hyi_split best;
     memset(&best, 0, sizeof best);
     best.axis = -1;
-    for (int a = 0; a < 3; a++) {
-        if (binning->scale[a] > 0.0f) hyi_best_on_axis(bins, binning->count, a, leaf_max, &best);
+    for (int a = 0; a < 3; a++) box[a] = hyi_bounds_empty();
+    for (uint32_t b = binning->count; b-- > 1u;) {
+        for (int a = 0; a < 3; a++) {
+            hyi_bounds_add(&box[a], bins->box[b][a].lower, bins->box[b][a].upper);
+            right_area[b][a] = hyi_bounds_area(&box[a]);
+            right_count[b][a] = count[a] += bins->count[b][a];
+        }
+    }
+    for (int a = 0; a < 3; a++) box[a] = hyi_bounds_empty();
+    memset(count, 0, sizeof count);
+    for (uint32_t b = 1; b < binning->count; b++) {
+        for (int a = 0; a < 3; a++) {
+            hyi_bounds_add(&box[a], bins->box[b - 1u][a].lower, bins->box[b - 1u][a].upper);
+            count[a] += bins->count[b - 1u][a];
+            float cost = hyi_cut_cost(hyi_bounds_area(&box[a]), count[a], right_area[b][a], right_count[b][a]);
+            if (count[a] == 0 || right_count[b][a] == 0 || !binning->usable[a] || (best.axis >= 0 && cost >= best.cost)) continue;
+            best.cost = cost;
+            best.axis = a;
+            best.bin = b;
+            best.left = box[a];
+            best.left_count = count[a];
+            best.right_count = right_count[b][a];
+        }
+    }
+    if (best.axis < 0) return best;
+    best.right = hyi_bounds_empty();
+    for (uint32_t b = best.bin; b < binning->count; b++) {
+        hyi_bounds_add(&best.right, bins->box[b][best.axis].lower, bins->box[b][best.axis].upper);
     }
     return best;
 }
@@ -150,15 +155,6 @@ HYI_INLINE uint32_t hyi_levels_to_one(uint32_t count) {
 /* Whether the range must be cut in the middle for the tree to stay within HYI_TREE_DEPTH. */
 HYI_INLINE bool hyi_depth_is_short(uint32_t depth, uint32_t count) {
     return depth + 1u + hyi_levels_to_one(count) >= HYI_TREE_DEPTH;
-}
-
-/* Whether the range is better left a leaf. The children of a node are tested together, so cutting adds no
-   node of its own, only its share of one. */
-HYI_INLINE bool hyi_leaf_is_better(const hyi_split *split, const hyi_box *box, uint32_t count, uint32_t leaf_max) {
-    if (count > leaf_max) return false;
-    double area = hyi_box_area(box);
-    double leaf = hyi_primitives_cost(count, leaf_max) * area;
-    return split->axis < 0 || leaf <= HYI_COST_NODE / (double)(HYI_WIDTH - 1u) * area + split->cost;
 }
 
 #endif /* HYI_BVH_BUILD_SPLIT_H */

@@ -2,7 +2,7 @@
 #ifndef HYI_BVH_BUILD_TREE_H
 #define HYI_BVH_BUILD_TREE_H
 
-#include "build_split.h"
+#include "build_part.h"
 
 /* Ranges above this are cut by all threads together. */
 #define HYI_BUILD_LARGE (4u * HYI_BUILD_CHUNK)
@@ -10,8 +10,9 @@
 /* A piece of a large range: its bins, then where its primitives go. */
 typedef struct hyi_chunk_split {
     hyi_bins bins;
-    hyi_box left_centroids, right_centroids;
-    uint32_t left_count, left_first, right_first;
+    hyi_spatial_bins spatial;
+    hyi_range left, right;
+    uint32_t left_first, right_first;
 } hyi_chunk_split;
 
 /* The large range in work, for its chunks. */
@@ -19,135 +20,66 @@ typedef struct hyi_large {
     hyi_build *build;
     hyi_range range;
     hyi_binning binning;
+    hyi_grid grid;
     hyi_split split;
+    const hyi_ref *from;
+    hyi_ref *to_left, *to_right;
 } hyi_large;
 
-/* Makes the children of the range's node, cut at slot middle. */
-HYI_FN void hyi_link_children(hyi_build *build, const hyi_range *range, uint32_t middle, const hyi_box *left, const hyi_box *right) {
-    uint32_t at = 2u * (middle - 1u);
-    hyi_build_node *node = &build->nodes[at];
-    node[0].box = *left;
-    node[0].first = range->first;
-    node[0].count = middle - range->first;
-    node[0].left = HYI_CHILD_NONE;
-    node[1].box = *right;
-    node[1].first = middle;
-    node[1].count = range->first + range->count - middle;
-    node[1].left = HYI_CHILD_NONE;
-    build->nodes[range->node].left = at;
+/* What a subtree is cut with. */
+typedef struct hyi_small {
+    hyi_bins bins;
+    hyi_spatial_bins spatial;
+} hyi_small;
+
+/* Whether the range is better left a leaf. The children of a node are tested together, so cutting adds no
+   node of its own, only its share of one. */
+HYI_INLINE bool hyi_leaf_is_better(const hyi_build *build, const hyi_split *split, const hyi_range *range) {
+    if (range->count > build->leaf_max) return false;
+    if (split->axis < 0) return true;
+    if (build->best) return false;
+    float area = hyi_bounds_area(&range->box);
+    return hyi_primitives_cost(range->count) * area <= HYI_SPLIT_NODE * area + split->cost;
 }
 
-HYI_FN void hyi_make_child_ranges(const hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
-    uint32_t at = build->nodes[range->node].left;
-    left->node = at;
-    right->node = at + 1u;
-    left->first = build->nodes[at].first;
-    left->count = build->nodes[at].count;
-    right->first = build->nodes[at + 1u].first;
-    right->count = build->nodes[at + 1u].count;
-    left->depth = right->depth = range->depth + 1u;
+/* ---- small ranges, in one thread. They lie in refs; other is room to work in. */
+
+HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_range *range, const hyi_binning *binning) {
+    const hyi_ref *refs = build->refs + range->first;
+    hyi_bins_clear(&work->bins, binning->count);
+    hyi_bins_fill(&work->bins, binning, refs, range->count);
+    hyi_split split = hyi_best_split(&work->bins, binning);
+    if (!hyi_spatial_pays(build, range, &split)) return split;
+    hyi_grid grid = hyi_make_grid(&range->box, range->count);
+    hyi_spatial_clear(&work->spatial, &grid);
+    hyi_spatial_fill(&work->spatial, build, &grid, refs, range->count);
+    hyi_split spatial = hyi_spatial_best(&work->spatial, &grid);
+    return hyi_spatial_is_better(&spatial, &split) ? spatial : split;
 }
 
-/* ---- the middle of the range, where the heuristic cannot tell or may not */
-
-HYI_FN void hyi_measure(const hyi_ref *refs, uint32_t count, hyi_box *box, hyi_box *centroids) {
-    *box = *centroids = hyi_box_empty();
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_box_add(box, refs[i].lower, refs[i].upper);
-        hyi_add_centroid(centroids, &refs[i]);
-    }
+/* Cuts by a split; false: all went to one side, and nothing is done. */
+HYI_FN bool hyi_part_small(hyi_build *build, const hyi_range *range, const hyi_binning *binning, const hyi_split *split, hyi_range *left, hyi_range *right) {
+    hyi_ref *refs = build->refs + range->first, *scratch = build->other + range->first;
+    if (split->spatial) hyi_part_spatial(build, refs, range->count, split, range->capacity - range->count, refs, scratch, left, right);
+    else hyi_part_objects(refs, range->count, binning, split, refs, scratch, left, right);
+    if (left->count == 0) memcpy(refs, scratch, right->count * sizeof *refs);
+    if (left->count == 0 || right->count == 0) return false;
+    hyi_link_children(build, range, left, right);
+    memcpy(build->refs + right->first, scratch, right->count * sizeof *refs);
+    return true;
 }
 
-HYI_INLINE bool hyi_ref_before(const hyi_ref *a, const hyi_ref *b, int axis) {
-    float ca = hyi_rounded(hyi_centroid(a, axis)), cb = hyi_rounded(hyi_centroid(b, axis));
-    return ca < cb || (ca == cb && a->id < b->id);
-}
-
-HYI_INLINE void hyi_swap_refs(hyi_ref *a, hyi_ref *b) {
-    hyi_ref keep = *a;
-    *a = *b;
-    *b = keep;
-}
-
-/* Orders refs so that no one before middle belongs after it (Hoare's selection, middle of three as pivot). */
-HYI_FN void hyi_select_middle(hyi_ref *refs, uint32_t count, uint32_t middle, int axis) {
-    uint32_t low = 0, high = count - 1u;
-    while (low < high) {
-        hyi_ref *a = &refs[low], *b = &refs[low + (high - low) / 2u], *c = &refs[high];
-        if (hyi_ref_before(b, a, axis)) hyi_swap_refs(a, b);
-        if (hyi_ref_before(c, b, axis)) hyi_swap_refs(b, c);
-        if (hyi_ref_before(b, a, axis)) hyi_swap_refs(a, b);
-        hyi_ref pivot = *b;
-        uint32_t i = low, j = high;
-        while (i <= j) {
-            while (hyi_ref_before(&refs[i], &pivot, axis)) i++;
-            while (hyi_ref_before(&pivot, &refs[j], axis)) j--;
-            if (i > j) break;
-            hyi_swap_refs(&refs[i], &refs[j]);
-            i++;
-            if (j == 0) break;
-            j--;
-        }
-        if (middle <= j) high = j;
-        else if (middle >= i) low = i;
-        else return;
-    }
-}
-
-HYI_FN int hyi_widest_axis(const hyi_box *box) {
-    int widest = 0;
-    for (int a = 1; a < 3; a++) {
-        if (box->upper[a] - box->lower[a] > box->upper[widest] - box->lower[widest]) widest = a;
-    }
-    return widest;
-}
-
-HYI_FN void hyi_split_middle(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
-    hyi_ref *refs = build->refs + range->first;
-    uint32_t half = range->count / 2u;
-    hyi_select_middle(refs, range->count, half, hyi_widest_axis(&range->centroids));
-    hyi_box left_box, right_box;
-    hyi_measure(refs, half, &left_box, &left->centroids);
-    hyi_measure(refs + half, range->count - half, &right_box, &right->centroids);
-    hyi_link_children(build, range, range->first + half, &left_box, &right_box);
-    hyi_make_child_ranges(build, range, left, right);
-}
-
-/* ---- small ranges: in place */
-
-/* Returns how many went left. */
-HYI_FN uint32_t hyi_partition(hyi_ref *refs, uint32_t count, const hyi_binning *binning, const hyi_split *split,
-                              hyi_box *left, hyi_box *right) {
-    uint32_t i = 0, j = count;
-    *left = *right = hyi_box_empty();
-    while (i < j) {
-        if (hyi_bin_of(binning, &refs[i], split->axis) < split->bin) {
-            hyi_add_centroid(left, &refs[i++]);
-        } else {
-            hyi_swap_refs(&refs[i], &refs[--j]);
-            hyi_add_centroid(right, &refs[j]);
-        }
-    }
-    return i;
-}
-
-/* Cuts the range, or returns false: it stays a leaf. */
-HYI_FN bool hyi_split_small(hyi_build *build, hyi_bins *bins, const hyi_range *range, hyi_range *left, hyi_range *right) {
+/* Cuts a small range. Returns false where it becomes a leaf. */
+HYI_FN bool hyi_split_small(hyi_build *build, hyi_small *work, const hyi_range *range, hyi_range *left, hyi_range *right) {
     if (range->count < 2u) return false;
-    hyi_ref *refs = build->refs + range->first;
     hyi_binning binning = hyi_make_binning(&range->centroids, range->count);
-    hyi_bins_clear(bins, binning.count);
-    hyi_bins_fill(bins, &binning, refs, range->count);
-    hyi_split split = hyi_best_split(bins, &binning, build->leaf_max);
-    if (hyi_leaf_is_better(&split, &build->nodes[range->node].box, range->count, build->leaf_max)) return false;
-    if (split.axis < 0 || hyi_depth_is_short(range->depth, range->count)) {
-        if (range->count <= build->leaf_max) return false;
-        hyi_split_middle(build, range, left, right);
-        return true;
-    }
-    uint32_t count = hyi_partition(refs, range->count, &binning, &split, &left->centroids, &right->centroids);
-    hyi_link_children(build, range, range->first + count, &split.left, &split.right);
-    hyi_make_child_ranges(build, range, left, right);
+    hyi_split split = hyi_choose_split(build, work, range, &binning);
+    if (hyi_leaf_is_better(build, &split, range)) return false;
+    bool short_of_depth = hyi_depth_is_short(range->depth, range->count);
+    if (short_of_depth && range->count <= build->leaf_max) return false;
+    if (split.axis >= 0 && !short_of_depth && hyi_part_small(build, range, &binning, &split, left, right)) return true;
+    if (range->count <= build->leaf_max) return false;
+    hyi_split_middle(build, range, left, right);
     return true;
 }
 
@@ -155,118 +87,165 @@ HYI_FN bool hyi_split_small(hyi_build *build, hyi_bins *bins, const hyi_range *r
 HYI_FN void hyi_build_subtree(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
     hyi_range list[HYI_TREE_DEPTH + 2u];
-    hyi_bins bins;
+    hyi_small work;
     uint32_t waiting = 1;
     list[0] = build->tasks[index];
+    if (list[0].in_other) memcpy(build->refs + list[0].first, build->other + list[0].first, list[0].count * sizeof(hyi_ref));
+    list[0].in_other = false;
     while (waiting > 0) {
         hyi_range range = list[--waiting], left, right;
-        if (!hyi_split_small(build, &bins, &range, &left, &right)) continue;
+        hyi_set_build_node(build, &range);
+        if (!hyi_split_small(build, &work, &range, &left, &right)) continue;
         list[waiting++] = right;
         list[waiting++] = left;
     }
 }
 
-/* ---- large ranges: chunks in parallel, out of place, order kept */
-
-HYI_INLINE uint32_t hyi_large_chunks(const hyi_range *range) {
-    return (range->count + HYI_BUILD_CHUNK - 1u) / HYI_BUILD_CHUNK;
-}
+/* ---- large ranges: chunks in parallel, from one array to the other, order kept */
 
 HYI_FN void hyi_bin_chunk(void *argument, uint32_t chunk) {
     hyi_large *large = (hyi_large *)argument;
     uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, large->range.count);
     hyi_bins *bins = &large->build->chunk_splits[chunk].bins;
     hyi_bins_clear(bins, large->binning.count);
-    hyi_bins_fill(bins, &large->binning, large->build->refs + large->range.first + begin, end - begin);
+    hyi_bins_fill(bins, &large->binning, large->from + begin, end - begin);
+}
+
+HYI_FN void hyi_spatial_chunk(void *argument, uint32_t chunk) {
+    hyi_large *large = (hyi_large *)argument;
+    uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, large->range.count);
+    hyi_spatial_bins *bins = &large->build->chunk_splits[chunk].spatial;
+    hyi_spatial_clear(bins, &large->grid);
+    hyi_spatial_fill(bins, large->build, &large->grid, large->from + begin, end - begin);
+}
+
+/* What a spatial split would make of a chunk, counted. */
+HYI_FN void hyi_count_chunk(void *argument, uint32_t chunk) {
+    hyi_large *large = (hyi_large *)argument;
+    hyi_chunk_split *piece = &large->build->chunk_splits[chunk];
+    uint32_t end = hyi_chunk_end(chunk, large->range.count);
+    piece->left.count = piece->right.count = 0;
+    for (uint32_t i = chunk * HYI_BUILD_CHUNK; i < end; i++) {
+        hyi_parts parts;
+        hyi_part_ref(large->build, &large->split, &large->from[i], true, &parts);
+        piece->left.count += parts.left ? 1u : 0u;
+        piece->right.count += parts.right ? 1u : 0u;
+    }
+}
+
+/* For an object split the bins know the counts. */
+HYI_FN void hyi_count_object_chunks(hyi_large *large, uint32_t chunks) {
+    for (uint32_t c = 0; c < chunks; c++) {
+        hyi_chunk_split *piece = &large->build->chunk_splits[c];
+        piece->left.count = 0;
+        for (uint32_t b = 0; b < large->split.bin; b++) piece->left.count += piece->bins.count[b][large->split.axis];
+        piece->right.count = hyi_chunk_end(c, large->range.count) - c * HYI_BUILD_CHUNK - piece->left.count;
+    }
 }
 
 HYI_FN void hyi_scatter_chunk(void *argument, uint32_t chunk) {
     hyi_large *large = (hyi_large *)argument;
     hyi_chunk_split *piece = &large->build->chunk_splits[chunk];
-    const hyi_ref *refs = large->build->refs + large->range.first;
-    hyi_ref *left = large->build->other + piece->left_first, *right = large->build->other + piece->right_first;
-    piece->left_centroids = piece->right_centroids = hyi_box_empty();
-    uint32_t end = hyi_chunk_end(chunk, large->range.count);
-    for (uint32_t i = chunk * HYI_BUILD_CHUNK; i < end; i++) {
-        bool goes_left = hyi_bin_of(&large->binning, &refs[i], large->split.axis) < large->split.bin;
-        hyi_add_centroid(goes_left ? &piece->left_centroids : &piece->right_centroids, &refs[i]);
-        *(goes_left ? left++ : right++) = refs[i];
+    uint32_t begin = chunk * HYI_BUILD_CHUNK, count = hyi_chunk_end(chunk, large->range.count) - begin;
+    hyi_ref *left = large->to_left + piece->left_first, *right = large->to_right + piece->right_first;
+    if (large->split.spatial) {
+        hyi_part_spatial(large->build, large->from + begin, count, &large->split, UINT32_MAX - count, left, right, &piece->left, &piece->right);
+    } else {
+        hyi_part_objects(large->from + begin, count, &large->binning, &large->split, left, right, &piece->left, &piece->right);
     }
 }
 
-HYI_FN void hyi_copy_chunk(void *argument, uint32_t chunk) {
-    hyi_large *large = (hyi_large *)argument;
-    uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, large->range.count);
-    memcpy(large->build->refs + large->range.first + begin, large->build->other + begin, (end - begin) * sizeof(hyi_ref));
+/* Gives each chunk its places on both sides; adds up the counts. */
+HYI_FN void hyi_place_chunks(hyi_large *large, uint32_t chunks, hyi_range *left, hyi_range *right) {
+    left->count = right->count = 0;
+    for (uint32_t c = 0; c < chunks; c++) {
+        hyi_chunk_split *piece = &large->build->chunk_splits[c];
+        piece->left_first = left->count;
+        piece->right_first = right->count;
+        left->count += piece->left.count;
+        right->count += piece->right.count;
+    }
 }
 
-/* Gives each chunk its places on both sides; returns how many go left. The bins know the counts. */
-HYI_FN uint32_t hyi_place_chunks(hyi_large *large) {
-    uint32_t chunks = hyi_large_chunks(&large->range), left = 0;
-    for (uint32_t c = 0; c < chunks; c++) {
-        hyi_chunk_split *piece = &large->build->chunk_splits[c];
-        piece->left_count = 0;
-        for (uint32_t b = 0; b < large->split.bin; b++) piece->left_count += piece->bins.count[large->split.axis][b];
-        piece->left_first = left;
-        left += piece->left_count;
-    }
-    for (uint32_t c = 0; c < chunks; c++) {
-        hyi_chunk_split *piece = &large->build->chunk_splits[c];
-        piece->right_first = left + c * HYI_BUILD_CHUNK - piece->left_first;
-    }
-    return left;
+/* Replaces the object split by a spatial one where that is better, and fits. Returns whether it did; the chunks are
+   then counted. */
+HYI_FN bool hyi_choose_spatial(hyi_large *large, uint32_t chunks, hyi_range *left, hyi_range *right) {
+    hyi_build *build = large->build;
+    if (!hyi_spatial_pays(build, &large->range, &large->split)) return false;
+    large->grid = hyi_make_grid(&large->range.box, large->range.count);
+    hyi_parallel(build->context, chunks, hyi_spatial_chunk, large);
+    hyi_spatial_bins *bins = &build->chunk_splits[0].spatial;
+    for (uint32_t c = 1; c < chunks; c++) hyi_spatial_merge(bins, &build->chunk_splits[c].spatial, &large->grid);
+    hyi_split object = large->split, spatial = hyi_spatial_best(bins, &large->grid);
+    if (!hyi_spatial_is_better(&spatial, &object)) return false;
+    large->split = spatial;
+    hyi_parallel(build->context, chunks, hyi_count_chunk, large);
+    hyi_place_chunks(large, chunks, left, right);
+    if (left->count && right->count && left->count + right->count <= large->range.capacity) return true;
+    large->split = object;
+    return false;
 }
 
 HYI_FN void hyi_split_large(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
     hyi_large large;
+    uint32_t chunks = hyi_chunks_of(range->count);
     large.build = build;
     large.range = *range;
     large.binning = hyi_make_binning(&range->centroids, range->count);
-    uint32_t chunks = hyi_large_chunks(range);
+    large.from = (range->in_other ? build->other : build->refs) + range->first;
     hyi_parallel(build->context, chunks, hyi_bin_chunk, &large);
     hyi_bins bins = build->chunk_splits[0].bins;
     for (uint32_t c = 1; c < chunks; c++) hyi_bins_merge(&bins, &build->chunk_splits[c].bins, large.binning.count);
-    large.split = hyi_best_split(&bins, &large.binning, build->leaf_max);
-    if (large.split.axis < 0 || hyi_depth_is_short(range->depth, range->count)) {
+    large.split = hyi_best_split(&bins, &large.binning);
+    bool short_of_depth = hyi_depth_is_short(range->depth, range->count);
+    bool spatial = !short_of_depth && hyi_choose_spatial(&large, chunks, left, right);
+    if (short_of_depth || large.split.axis < 0) {
         hyi_split_middle(build, range, left, right);
         return;
     }
-    uint32_t count = hyi_place_chunks(&large);
+    if (!spatial) {
+        hyi_count_object_chunks(&large, chunks);
+        hyi_place_chunks(&large, chunks, left, right);
+    }
+    hyi_link_children(build, range, left, right);
+    left->in_other = right->in_other = !range->in_other;
+    large.to_left = (range->in_other ? build->refs : build->other) + left->first;
+    large.to_right = large.to_left + left->capacity;
     hyi_parallel(build->context, chunks, hyi_scatter_chunk, &large);
-    hyi_parallel(build->context, chunks, hyi_copy_chunk, &large);
-    left->centroids = right->centroids = hyi_box_empty();
+    left->box = left->centroids = right->box = right->centroids = hyi_bounds_empty();
     for (uint32_t c = 0; c < chunks; c++) {
         hyi_chunk_split *piece = &build->chunk_splits[c];
-        hyi_box_add(&left->centroids, piece->left_centroids.lower, piece->left_centroids.upper);
-        hyi_box_add(&right->centroids, piece->right_centroids.lower, piece->right_centroids.upper);
+        hyi_bounds_add(&left->box, piece->left.box.lower, piece->left.box.upper);
+        hyi_bounds_add(&right->box, piece->right.box.lower, piece->right.box.upper);
+        hyi_bounds_add(&left->centroids, piece->left.centroids.lower, piece->left.centroids.upper);
+        hyi_bounds_add(&right->centroids, piece->right.centroids.lower, piece->right.centroids.upper);
     }
-    hyi_link_children(build, range, range->first + count, &large.split.left, &large.split.right);
-    hyi_make_child_ranges(build, range, left, right);
 }
 
 /* ---- the whole tree */
 
-HYI_FN hyi_range hyi_root_range(hyi_build *build) {
+HYI_FN hyi_range hyi_root_range(const hyi_build *build) {
     hyi_range root;
-    hyi_build_node *node = &build->nodes[build->node_capacity - 1u];
-    hyi_measure(build->refs, build->ref_count, &node->box, &root.centroids);
-    node->first = root.first = 0;
-    node->count = root.count = build->ref_count;
-    node->left = HYI_CHILD_NONE;
+    root.box = build->root_box;
+    root.centroids = build->root_centroids;
     root.node = build->node_capacity - 1u;
-    root.depth = 0;
+    root.first = root.depth = 0;
+    root.count = build->ref_count;
+    root.capacity = build->capacity;
+    root.in_other = false;
     return root;
 }
 
 /* Cuts large ranges until only small ones are left, which become tasks. */
-HYI_FN hydra_result hyi_collect_tasks(hyi_build *build, hyi_range root) {
+HYI_FN hydra_result hyi_collect_tasks(hyi_build *build) {
     hyi_range list[HYI_TREE_DEPTH + 2u];
     uint32_t waiting = 1;
-    list[0] = root;
+    list[0] = hyi_root_range(build);
     while (waiting > 0) {
         hyi_range range = list[--waiting];
         if (range.count > HYI_BUILD_LARGE) {
             hyi_range left, right;
+            hyi_set_build_node(build, &range);
             hyi_split_large(build, &range, &left, &right);
             list[waiting++] = right;
             list[waiting++] = left;
@@ -282,14 +261,14 @@ HYI_FN hydra_result hyi_collect_tasks(hyi_build *build, hyi_range root) {
 
 /* The binary tree over all references; its root is the last node. */
 HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
-    build->node_capacity = 2u * build->ref_count - 1u;
+    build->node_capacity = 2u * build->capacity - 1u;
     HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
+    HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
     if (build->ref_count > HYI_BUILD_LARGE) {
-        HYI_TRY(hyi_alloc_array(build->context, &build->other, build->ref_count));
-        HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_count));
+        build->chunk_split_count = hyi_chunks_of(build->capacity);
+        HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_split_count));
     }
-    HYI_TRY(hyi_collect_tasks(build, hyi_root_range(build)));
-    hyi_free_array(build->context, &build->other, build->ref_count);
+    HYI_TRY(hyi_collect_tasks(build));
     hyi_parallel(build->context, build->task_count, hyi_build_subtree, build);
     return HYDRA_OK;
 }

@@ -62,7 +62,6 @@
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
-#undef HYI_MOVE4
 #undef HYI_MUL2
 #undef HYI_MUL4
 #undef HYI_MUL8

@@ -31,11 +31,6 @@ HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
     return vaddvq_u32(vandq_u32(vcombine_u32(vmovn_u64(low), vmovn_u64(high)), vld1q_u32(bits)));
 }
 
-/* Writes sixteen bytes in the order of places. */
-HYI_INLINE void hyi_move4_neon(uint32_t *to, const uint32_t *from, const uint8_t *places) {
-    vst1q_u32(to, vreinterpretq_u32_u8(vqtbl1q_u8(vreinterpretq_u8_u32(vld1q_u32(from)), vld1q_u8(places))));
-}
-
 #define HYI_TARGET
 #define HYI_I(name) name##_neon
 #define HYI_F4 float32x4_t
@@ -60,7 +55,6 @@ HYI_INLINE void hyi_move4_neon(uint32_t *to, const uint32_t *from, const uint8_t
 #define HYI_PIN4(a) hyi_pin4_neon(a)
 #define HYI_GREATEST4(a) vmaxvq_f32(a)
 #define HYI_LEAST4(a) vminvq_f32(a)
-#define HYI_MOVE4(to, from, places) hyi_move4_neon(to, from, places)
 #define HYI_D2 float64x2_t
 #define HYI_SET2(value) vdupq_n_f64(value)
 #define HYI_STORE2(p, a) vst1q_f64(p, a)

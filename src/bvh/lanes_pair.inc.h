@@ -121,37 +121,13 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
 
 /* ---- lists */
 
-/* Bit r of byte c from bit c of byte r: a matrix of bits is transposed in blocks of 1, 2 and 4 (Warren 2012, "Hacker's
-   Delight", 7-3). */
-HYI_INLINE uint64_t HYI_I(hyi_transpose_bits)(uint64_t rows) {
-    uint64_t change = (rows ^ rows >> 7) & 0x00aa00aa00aa00aaull;
-    rows ^= change ^ change << 7;
-    change = (rows ^ rows >> 14) & 0x0000cccc0000ccccull;
-    rows ^= change ^ change << 14;
-    change = (rows ^ rows >> 28) & 0x00000000f0f0f0f0ull;
-    return rows ^ change ^ change << 28;
-}
-
-/* Appends eight items to the lists of the children that their masks name. Of each four those whose bit is set are moved
-   to the front by a permutation of bytes. */
+/* Appends eight items to the lists of the children that their masks name. By bits: permutations from a table were slower. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
-#define HYI_WORD(lane) 4 * (lane), 4 * (lane) + 1, 4 * (lane) + 2, 4 * (lane) + 3
-#define HYI_WORDS(a, b, c, d) {HYI_WORD(a), HYI_WORD(b), HYI_WORD(c), HYI_WORD(d)}
-    static const uint8_t front[16][16] = {
-        HYI_WORDS(0, 0, 0, 0), HYI_WORDS(0, 0, 0, 0), HYI_WORDS(1, 0, 0, 0), HYI_WORDS(0, 1, 0, 0),
-        HYI_WORDS(2, 0, 0, 0), HYI_WORDS(0, 2, 0, 0), HYI_WORDS(1, 2, 0, 0), HYI_WORDS(0, 1, 2, 0),
-        HYI_WORDS(3, 0, 0, 0), HYI_WORDS(0, 3, 0, 0), HYI_WORDS(1, 3, 0, 0), HYI_WORDS(0, 1, 3, 0),
-        HYI_WORDS(2, 3, 0, 0), HYI_WORDS(0, 2, 3, 0), HYI_WORDS(1, 2, 3, 0), HYI_WORDS(0, 1, 2, 3)};
-#undef HYI_WORDS
-#undef HYI_WORD
-    const uint64_t counts = 0x4332322132212110ull; /* four bits each: how many bits are set in 0 .. 15 */
-    uint64_t takes = HYI_I(hyi_transpose_bits)(masks->all);
-    for (uint32_t c = 0; c < 8u; c++, takes >>= 8) {
-        uint32_t low = (uint32_t)takes & 15u, high = (uint32_t)(takes >> 4) & 15u;
-        uint32_t *list = lists + (size_t)c * stride + dealt[c], some = (uint32_t)(counts >> 4u * low) & 7u;
-        HYI_MOVE4(list, items, front[low]);
-        HYI_MOVE4(list + some, items + 4, front[high]);
-        dealt[c] += some + ((uint32_t)(counts >> 4u * high) & 7u);
+    for (uint32_t i = 0; i < 8u; i++) {
+        for (uint32_t takers = masks->bytes[i]; takers; takers &= takers - 1u) {
+            uint32_t c = hyi_lowest_bit(takers);
+            lists[(size_t)c * stride + dealt[c]++] = items[i];
+        }
     }
 }
 

@@ -30,12 +30,6 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
     return _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps(two, two, 1)));
 }
 
-/* Writes sixteen bytes in the order of places. */
-HYI_INLINE HYI_SSE42 void hyi_move4_sse42(uint32_t *to, const uint32_t *from, const uint8_t *places) {
-    __m128i order = _mm_loadu_si128((const __m128i *)(const void *)places);
-    _mm_storeu_si128((__m128i *)(void *)to, _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)from), order));
-}
-
 #define HYI_TARGET HYI_SSE42
 #define HYI_I(name) name##_sse42
 #define HYI_F4 __m128
@@ -60,7 +54,6 @@ HYI_INLINE HYI_SSE42 void hyi_move4_sse42(uint32_t *to, const uint32_t *from, co
 #define HYI_PIN4(a) hyi_pin4_sse42(a)
 #define HYI_GREATEST4(a) hyi_greatest4_sse42(a)
 #define HYI_LEAST4(a) hyi_least4_sse42(a)
-#define HYI_MOVE4(to, from, places) hyi_move4_sse42(to, from, places)
 #define HYI_D2 __m128d
 #define HYI_SET2(value) _mm_set1_pd(value)
 #define HYI_STORE2(p, a) _mm_storeu_pd(p, a)

@@ -1,0 +1,166 @@
+/* >>bvh-build-vector: four floats at a time for the builder: boxes as two of them
+
+   What the instruction set of every machine of its kind has: SSE2, NEON, or plain C. Lane 3 is along for
+   the ride: nothing that is asked of a box looks at it. */
+#ifndef HYI_BVH_BUILD_VECTOR_H
+#define HYI_BVH_BUILD_VECTOR_H
+
+#include "layout.h"
+
+#if HYI_X86
+
+typedef __m128 hyi_four;
+HYI_INLINE hyi_four hyi_four_all(float x) { return _mm_set1_ps(x); }
+HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) { return _mm_setr_ps(x, y, z, 0.0f); }
+HYI_INLINE hyi_four hyi_four_load(const float *p) { return _mm_loadu_ps(p); }
+HYI_INLINE void hyi_four_store(float *p, hyi_four a) { _mm_storeu_ps(p, a); }
+HYI_INLINE hyi_four hyi_four_min(hyi_four a, hyi_four b) { return _mm_min_ps(a, b); }
+HYI_INLINE hyi_four hyi_four_max(hyi_four a, hyi_four b) { return _mm_max_ps(a, b); }
+HYI_INLINE hyi_four hyi_four_add(hyi_four a, hyi_four b) { return _mm_add_ps(a, b); }
+HYI_INLINE hyi_four hyi_four_sub(hyi_four a, hyi_four b) { return _mm_sub_ps(a, b); }
+HYI_INLINE hyi_four hyi_four_mul(hyi_four a, hyi_four b) { return _mm_mul_ps(a, b); }
+HYI_INLINE hyi_four hyi_four_turn(hyi_four a) { return _mm_shuffle_ps(a, a, _MM_SHUFFLE(3, 0, 2, 1)); }
+HYI_INLINE float hyi_four_sum(hyi_four a) {
+    return _mm_cvtss_f32(_mm_add_ss(_mm_add_ss(a, _mm_shuffle_ps(a, a, 1)), _mm_movehl_ps(a, a)));
+}
+HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { _mm_storeu_si128((__m128i *)(void *)to, _mm_cvttps_epi32(a)); }
+/* Whether a > b in x, y or z. */
+HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return (_mm_movemask_ps(_mm_cmpgt_ps(a, b)) & 7) != 0; }
+
+#elif HYI_NEON
+
+typedef float32x4_t hyi_four;
+HYI_INLINE hyi_four hyi_four_all(float x) { return vdupq_n_f32(x); }
+HYI_INLINE hyi_four hyi_four_load(const float *p) { return vld1q_f32(p); }
+HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) {
+    const float lanes[4] = {x, y, z, 0.0f};
+    return vld1q_f32(lanes);
+}
+HYI_INLINE void hyi_four_store(float *p, hyi_four a) { vst1q_f32(p, a); }
+HYI_INLINE hyi_four hyi_four_min(hyi_four a, hyi_four b) { return vminq_f32(a, b); }
+HYI_INLINE hyi_four hyi_four_max(hyi_four a, hyi_four b) { return vmaxq_f32(a, b); }
+HYI_INLINE hyi_four hyi_four_add(hyi_four a, hyi_four b) { return vaddq_f32(a, b); }
+HYI_INLINE hyi_four hyi_four_sub(hyi_four a, hyi_four b) { return vsubq_f32(a, b); }
+HYI_INLINE hyi_four hyi_four_mul(hyi_four a, hyi_four b) { return vmulq_f32(a, b); }
+HYI_INLINE hyi_four hyi_four_turn(hyi_four a) { return vsetq_lane_f32(vgetq_lane_f32(a, 0), vextq_f32(a, a, 1), 2); }
+HYI_INLINE float hyi_four_sum(hyi_four a) { return vgetq_lane_f32(a, 0) + vgetq_lane_f32(a, 1) + vgetq_lane_f32(a, 2); }
+HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { vst1q_s32(to, vcvtq_s32_f32(a)); }
+HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) {
+    uint32x4_t more = vcgtq_f32(a, b);
+    return (vgetq_lane_u32(more, 0) | vgetq_lane_u32(more, 1) | vgetq_lane_u32(more, 2)) != 0u;
+}
+
+#else
+
+typedef struct hyi_four {
+    float f[4];
+} hyi_four;
+#define HYI_FOUR_OP(name, expression)                                     \
+    HYI_INLINE hyi_four name(hyi_four a, hyi_four b) {                    \
+        hyi_four r;                                                       \
+        for (int i = 0; i < 4; i++) r.f[i] = (expression);                \
+        return r;                                                         \
+    }
+HYI_FOUR_OP(hyi_four_min, a.f[i] < b.f[i] ? a.f[i] : b.f[i])
+HYI_FOUR_OP(hyi_four_max, a.f[i] > b.f[i] ? a.f[i] : b.f[i])
+HYI_FOUR_OP(hyi_four_add, a.f[i] + b.f[i])
+HYI_FOUR_OP(hyi_four_sub, a.f[i] - b.f[i])
+HYI_FOUR_OP(hyi_four_mul, a.f[i] * b.f[i])
+#undef HYI_FOUR_OP
+HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) {
+    hyi_four r;
+    r.f[0] = x;
+    r.f[1] = y;
+    r.f[2] = z;
+    r.f[3] = 0.0f;
+    return r;
+}
+HYI_INLINE hyi_four hyi_four_all(float x) {
+    hyi_four r = hyi_four_make(x, x, x);
+    r.f[3] = x;
+    return r;
+}
+HYI_INLINE hyi_four hyi_four_load(const float *p) {
+    hyi_four r = hyi_four_make(p[0], p[1], p[2]);
+    r.f[3] = p[3];
+    return r;
+}
+HYI_INLINE void hyi_four_store(float *p, hyi_four a) { memcpy(p, a.f, sizeof a.f); }
+HYI_INLINE hyi_four hyi_four_turn(hyi_four a) {
+    hyi_four r = hyi_four_make(a.f[1], a.f[2], a.f[0]);
+    r.f[3] = a.f[3];
+    return r;
+}
+HYI_INLINE float hyi_four_sum(hyi_four a) { return a.f[0] + a.f[1] + a.f[2]; }
+HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) {
+    for (int i = 0; i < 4; i++) to[i] = (int32_t)a.f[i];
+}
+HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return a.f[0] > b.f[0] || a.f[1] > b.f[1] || a.f[2] > b.f[2]; }
+
+#endif
+
+/* Keeps a value as rounded, so that it is the same wherever it is computed again: see hyi_rounded. */
+HYI_INLINE hyi_four hyi_four_rounded(hyi_four a) {
+#if HYI_GNU && HYI_X86
+    __asm__("" : "+x"(a));
+#elif HYI_GNU && HYI_NEON
+    __asm__("" : "+w"(a));
+#elif !HYI_X86 && !HYI_NEON
+    for (int i = 0; i < 4; i++) a.f[i] = hyi_rounded(a.f[i]);
+#endif
+    return a;
+}
+
+/* ---- boxes */
+
+typedef struct hyi_bounds {
+    hyi_four lower, upper;
+} hyi_bounds;
+
+HYI_INLINE hyi_bounds hyi_bounds_empty(void) {
+    hyi_bounds b;
+    b.lower = hyi_four_all(HYI_EMPTY_PLANE);
+    b.upper = hyi_four_all(-HYI_EMPTY_PLANE);
+    return b;
+}
+
+HYI_INLINE void hyi_bounds_add(hyi_bounds *b, hyi_four lower, hyi_four upper) {
+    b->lower = hyi_four_min(b->lower, lower);
+    b->upper = hyi_four_max(b->upper, upper);
+}
+
+HYI_INLINE void hyi_bounds_meet(hyi_bounds *b, const hyi_bounds *with) {
+    b->lower = hyi_four_max(b->lower, with->lower);
+    b->upper = hyi_four_min(b->upper, with->upper);
+}
+
+HYI_INLINE bool hyi_bounds_are_empty(const hyi_bounds *b) { return hyi_four_exceeds(b->lower, b->upper); }
+
+/* Half of the surface; of an empty box 0. Coordinates are scaled: what gets lost in float is too small to matter. */
+HYI_INLINE float hyi_bounds_area(const hyi_bounds *b) {
+    hyi_four size = hyi_four_max(hyi_four_sub(b->upper, b->lower), hyi_four_all(0.0f));
+    return hyi_four_sum(hyi_four_mul(size, hyi_four_turn(size)));
+}
+
+HYI_INLINE float hyi_bounds_area_with(const hyi_bounds *b, hyi_four lower, hyi_four upper) {
+    hyi_bounds grown = *b;
+    hyi_bounds_add(&grown, lower, upper);
+    return hyi_bounds_area(&grown);
+}
+
+HYI_INLINE void hyi_bounds_store(const hyi_bounds *b, float *lower, float *upper) {
+    float lanes[4];
+    hyi_four_store(lanes, b->lower);
+    memcpy(lower, lanes, 3 * sizeof *lower);
+    hyi_four_store(lanes, b->upper);
+    memcpy(upper, lanes, 3 * sizeof *upper);
+}
+
+HYI_INLINE hyi_bounds hyi_bounds_load(const float *lower, const float *upper) {
+    hyi_bounds b;
+    b.lower = hyi_four_make(lower[0], lower[1], lower[2]);
+    b.upper = hyi_four_make(upper[0], upper[1], upper[2]);
+    return b;
+}
+
+#endif /* HYI_BVH_BUILD_VECTOR_H */

@@ -1,0 +1,341 @@
+/* Building trees: what they hold, what spatial splits leave out, threads, memory. */
+#define HYDRA_STATIC
+#define HYDRA_IMPLEMENTATION
+#include "hydra.h"
+#include "hydra_test.h"
+
+/* ---- a context made by hand: no thread of its own, and loops in an order we choose */
+
+typedef struct bb_host {
+    hydra_context context;
+    ht_memory memory;
+} bb_host;
+
+static void bb_open(bb_host *host) {
+    memset(host, 0, sizeof *host);
+    host->context.desc.allocator = ht_memory_allocator(&host->memory);
+    host->context.threads = 1;
+}
+
+static void bb_close(bb_host *host) {
+    assert_int_equal(host->memory.blocks_now, 0);
+    assert_int_equal(host->memory.damaged, 0);
+    assert_int_equal(hyi_atomic_load(&host->context.bytes_now), 0);
+}
+
+static void bb_backwards(void *user, uint32_t count, void (*task)(void *, uint32_t), void *argument) {
+    (void)user;
+    while (count-- > 0) task(argument, count);
+}
+
+static void bb_even_then_odd(void *user, uint32_t count, void (*task)(void *, uint32_t), void *argument) {
+    (void)user;
+    for (uint32_t i = 0; i < count; i += 2) task(argument, i);
+    for (uint32_t i = 1; i < count; i += 2) task(argument, i);
+}
+
+static hyi_bvh bb_build(bb_host *host, const ht_mesh *mesh, hydra_build quality) {
+    hyi_bvh bvh;
+    assert_int_equal(hyi_bvh_build_triangles(&host->context, mesh->positions, mesh->indices, mesh->index_count / 3, quality, &bvh), HYDRA_OK);
+    return bvh;
+}
+
+/* ---- meshes that are hard on builders */
+
+/* Slats right across the scene, all overlapping: what spatial splits are for. */
+static ht_mesh bb_slats(ht_rng *rng, uint32_t count) {
+    ht_mesh mesh = ht_soup(rng, count, 1.0f, 0.01f);
+    for (uint32_t t = 0; t < count; t++) {
+        float *p = mesh.positions + 3 * mesh.indices[3 * t + 2];
+        for (int a = 0; a < 3; a++) p[a] = ht_range(rng, -1, 1);
+    }
+    return mesh;
+}
+
+/* Sizes from 1 down to 1e-30 in one mesh: the worst for the depth. */
+static ht_mesh bb_sizes(ht_rng *rng, uint32_t count) {
+    ht_mesh mesh = ht_soup(rng, count, 1.0f, 0.01f);
+    for (uint32_t v = 0; v < 3 * mesh.vertex_count; v++) mesh.positions[v] *= powf(10, -30.0f * (float)(v / 9) / (float)count);
+    return mesh;
+}
+
+/* Corners on a coarse grid, so that planes of the builder's grids pass through them. */
+static ht_mesh bb_on_grid(ht_rng *rng, uint32_t count) {
+    ht_mesh mesh = ht_soup(rng, count, 1.0f, 0.5f);
+    for (uint32_t v = 0; v < 3 * mesh.vertex_count; v++) mesh.positions[v] = floorf(16 * mesh.positions[v]) / 16;
+    return mesh;
+}
+
+static ht_mesh bb_equal(ht_rng *rng, uint32_t count) {
+    ht_mesh mesh = ht_soup(rng, count, 1.0f, 0.5f);
+    for (uint32_t v = 9; v < 3 * mesh.vertex_count; v++) mesh.positions[v] = mesh.positions[v - 9];
+    return mesh;
+}
+
+#define BB_MESHES 9
+static ht_mesh bb_mesh(int k, ht_rng *rng) {
+    const float centre[3] = {0, 0, 0}, u[3] = {1, 0, 0}, v[3] = {0, 1, 0};
+    ht_mesh mesh;
+    switch (k) {
+    case 0: return ht_soup(rng, 60000, 1, 0.01f);
+    case 1: return ht_icosphere(1, 4);
+    case 2: return ht_quad(centre, u, v, 60);
+    case 3: return bb_sizes(rng, 20000);
+    case 4: return bb_slats(rng, 12000);
+    case 5: return bb_on_grid(rng, 5000);
+    case 6: return bb_equal(rng, 3000);
+    case 7: return ht_soup(rng, 1, 1, 0.5f);
+    default: break;
+    }
+    mesh = bb_slats(rng, 3000);
+    for (uint32_t i = 0; i < 3 * mesh.vertex_count; i++) mesh.positions[i] = mesh.positions[i] * 1e30f;
+    return mesh;
+}
+
+/* ---- what a tree holds */
+
+typedef struct bb_check {
+    const hyi_bvh *bvh;
+    const ht_mesh *mesh;
+    uint8_t *seen;
+    bool parts; /* boxes need not hold whole triangles */
+} bb_check;
+
+static void bb_check_leaf(const bb_check *k, uint32_t leaf, const hyi_box *box) {
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
+    assert_true(first + count <= k->bvh->slot_count);
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t id = k->bvh->ids[first + i];
+        for (uint32_t j = 0; j < i; j++) assert_true(k->bvh->ids[first + j] != id);
+        k->seen[id] = 1;
+        for (uint32_t c = 0; c < 9; c++) {
+            float p = k->mesh->positions[3 * k->mesh->indices[3 * id + c / 3] + c % 3] * k->bvh->scale;
+            assert_true(p == k->bvh->rows[9u * first + c * count + i]);
+            if (!k->parts) assert_true(p >= box->lower[c % 3] && p <= box->upper[c % 3]);
+        }
+    }
+}
+
+/* Every child lies in its parent's box; returns the depth. */
+static uint32_t bb_check_below(const bb_check *k, uint32_t child, const hyi_box *box) {
+    uint32_t depth = 0;
+    if (hyi_child_is_leaf(child)) {
+        bb_check_leaf(k, child, box);
+        return 0;
+    }
+    assert_true(child < k->bvh->node_count);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        const hyi_node *node = &k->bvh->nodes[child];
+        hyi_box inner;
+        if (node->child[c] == HYI_CHILD_NONE) continue;
+        for (int a = 0; a < 3; a++) {
+            inner.lower[a] = node->planes[2 * a][c];
+            inner.upper[a] = node->planes[2 * a + 1][c];
+            assert_true(inner.lower[a] >= box->lower[a] && inner.upper[a] <= box->upper[a]);
+        }
+        uint32_t below = bb_check_below(k, node->child[c], &inner);
+        depth = below > depth ? below : depth;
+    }
+    return depth + 1;
+}
+
+/* Whether a leaf below child has the triangle, and the point lies in all boxes above it. */
+static bool bb_is_covered(const hyi_bvh *bvh, uint32_t child, uint32_t id, const double point[3]) {
+    if (hyi_child_is_leaf(child)) {
+        for (uint32_t i = 0; i < hyi_leaf_count(child); i++)
+            if (bvh->ids[hyi_leaf_first(child) + i] == id) return true;
+        return false;
+    }
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        const hyi_node *node = &bvh->nodes[child];
+        bool inside = node->child[c] != HYI_CHILD_NONE;
+        for (int a = 0; a < 3; a++) inside = inside && point[a] >= (double)node->planes[2 * a][c] && point[a] <= (double)node->planes[2 * a + 1][c];
+        if (inside && bb_is_covered(bvh, node->child[c], id, point)) return true;
+    }
+    return false;
+}
+
+/* Random points of random triangles, corners and edges among them. Catches: a part whose box is a rounding too small. */
+static void bb_check_points(const bb_check *k, ht_rng *rng, uint32_t count) {
+    for (uint32_t n = 0; n < count; n++) {
+        uint32_t id = (uint32_t)(ht_range(rng, 0, 1) * 0.9999f * (float)(k->mesh->index_count / 3));
+        double w[3] = {(double)ht_range(rng, 0, 1), (double)ht_range(rng, 0, 1), (double)ht_range(rng, 0, 1)}, point[3] = {0, 0, 0};
+        if (n % 4 == 1) w[n % 3] = 0;
+        if (n % 4 == 2) w[0] = 0, w[1] = n % 8 < 4 ? 0 : w[1], w[2] = 1;
+        double sum = w[0] + w[1] + w[2];
+        if (!k->seen[id] || !(sum > 0)) continue;
+        const uint32_t *index = k->mesh->indices + 3 * id;
+        for (int a = 0; a < 3; a++) {
+            double corner[3], low = 1e300, high = -1e300;
+            for (int c = 0; c < 3; c++) {
+                corner[c] = (double)(k->mesh->positions[3 * index[c] + (uint32_t)a] * k->bvh->scale);
+                low = corner[c] < low ? corner[c] : low;
+                high = corner[c] > high ? corner[c] : high;
+                point[a] += corner[c] * (w[c] / sum);
+            }
+            point[a] = point[a] < low ? low : point[a] > high ? high : point[a]; /* the double's own rounding */
+        }
+        assert_true(bb_is_covered(k->bvh, k->bvh->root, id, point));
+    }
+}
+
+static void trees_hold_every_point_of_every_triangle(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(91);
+    for (int m = 0; m < 2 * BB_MESHES; m++) {
+        bb_host host;
+        bool best = m % 2 != 0;
+        ht_mesh mesh = bb_mesh(m / 2, &rng);
+        uint32_t triangles = mesh.index_count / 3, total = 0;
+        bb_open(&host);
+        hyi_bvh bvh = bb_build(&host, &mesh, best ? HYDRA_BUILD_BEST : HYDRA_BUILD_FAST);
+        bb_check k = {&bvh, &mesh, (uint8_t *)calloc(triangles, 1), best};
+        assert_int_equal(bb_check_below(&k, bvh.root, &bvh.scaled), bvh.depth);
+        for (uint32_t i = 0; i < triangles; i++) total += k.seen[i];
+        assert_int_equal(total, bvh.primitive_count);
+        assert_true(bvh.depth <= HYI_TREE_DEPTH);
+        assert_true(best ? bvh.slot_count <= triangles + triangles * HYI_BUILD_EXTRA_PERCENT / 100u + 100u : bvh.slot_count == bvh.primitive_count);
+        assert_int_equal(host.memory.bytes_now, bvh.bytes);
+        bb_check_points(&k, &rng, ht_pick(20000, 4000));
+        free(k.seen);
+        hyi_bvh_free(&host.context, &bvh);
+        bb_close(&host);
+        ht_mesh_free(&mesh);
+    }
+}
+
+/* Catches: a builder that never splits. */
+static void spatial_splits_are_made_where_boxes_overlap(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(93);
+    bb_host host;
+    ht_mesh mesh = bb_slats(&rng, 12000);
+    bb_open(&host);
+    hyi_bvh bvh = bb_build(&host, &mesh, HYDRA_BUILD_BEST);
+    assert_true(bvh.slot_count > bvh.primitive_count + bvh.primitive_count / 20u);
+    hyi_bvh_free(&host.context, &bvh);
+    bb_close(&host);
+    ht_mesh_free(&mesh);
+}
+
+/* Both trees find the same hits. Rays start and end on the grid of the corners now and then. */
+static void both_qualities_find_the_same(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(94);
+    for (int m = 4; m < 6; m++) {
+        bb_host host;
+        ht_mesh mesh = bb_mesh(m, &rng);
+        hyk_instance instance;
+        hyk_scene_view view;
+        hyi_accel accel;
+        uint32_t found = 0;
+        bb_open(&host);
+        hyi_bvh trees[2];
+        for (int q = 0; q < 2; q++) trees[q] = bb_build(&host, &mesh, q ? HYDRA_BUILD_BEST : HYDRA_BUILD_FAST);
+        memset(&instance, 0, sizeof instance);
+        memset(&view, 0, sizeof view);
+        memset(&accel, 0, sizeof accel);
+        instance.flags = HYK_INSTANCE_IDENTITY;
+        view.instances = &instance;
+        accel.view = &view;
+        accel.single = true;
+        accel.isa = hyi_best_isa();
+        for (uint32_t n = 0; n < ht_pick(40000, 8000); n++) {
+            hyk_ray ray;
+            hyk_hit hits[2];
+            float x[6];
+            for (int i = 0; i < 6; i++) x[i] = n % 3 ? ht_range(&rng, -1.2f, 1.2f) : floorf(16 * ht_range(&rng, -1.2f, 1.2f)) / 16;
+            ray.origin = hyk_make3(x[0], x[1], x[2]);
+            ray.direction = hyk_sub(hyk_make3(x[3], x[4], x[5]), ray.origin);
+            ray.t_min = 0;
+            ray.t_max = n % 2 ? FLT_MAX : 1;
+            for (int q = 0; q < 2; q++) {
+                accel.meshes = &trees[q];
+                hyi_trace_closest(&accel, NULL, &ray, &hits[q], 1);
+            }
+            assert_memory_equal(&hits[0], &hits[1], sizeof hits[0]);
+            found += hits[0].instance != HYK_NONE;
+        }
+        assert_true(found > 500);
+        for (int q = 0; q < 2; q++) hyi_bvh_free(&host.context, &trees[q]);
+        bb_close(&host);
+        ht_mesh_free(&mesh);
+    }
+}
+
+/* ---- threads and memory */
+
+static void bb_expect_same(const hyi_bvh *a, const hyi_bvh *b) {
+    assert_int_equal(a->node_count, b->node_count);
+    assert_int_equal(a->slot_count, b->slot_count);
+    assert_memory_equal(a->nodes, b->nodes, a->node_count * sizeof(hyi_node));
+    assert_memory_equal(a->ids, b->ids, a->slot_count * sizeof(uint32_t));
+    assert_memory_equal(a->rows, b->rows, hyi_bvh_row_floats(a->slot_count) * sizeof(float));
+}
+
+static void any_order_of_work_builds_the_same(void **state) {
+    (void)state;
+    static const uint32_t threads[5] = {1, 1, 2, 3, 7};
+    ht_rng rng = ht_rng_make(95);
+    for (int m = 0; m < 4; m++) {
+        bb_host plain;
+        ht_mesh mesh = m < 2 ? ht_soup(&rng, 100000, 1, 0.02f) : bb_slats(&rng, 30000);
+        hydra_build quality = m % 2 ? HYDRA_BUILD_BEST : HYDRA_BUILD_FAST;
+        bb_open(&plain);
+        hyi_bvh first = bb_build(&plain, &mesh, quality);
+        for (int k = 0; k < 5; k++) {
+            bb_host host;
+            bb_open(&host);
+            if (k < 2) host.context.desc.parallel_for = k ? bb_backwards : bb_even_then_odd;
+#if !defined(HYDRA_NO_THREADS)
+            host.context.threads = threads[k];
+            if (k >= 2) assert_int_equal(hyi_pool_create(&host.context), HYDRA_OK);
+#endif
+            hyi_bvh bvh = bb_build(&host, &mesh, quality);
+            bb_expect_same(&bvh, &first);
+            hyi_bvh_free(&host.context, &bvh);
+#if !defined(HYDRA_NO_THREADS)
+            if (k >= 2) hyi_pool_destroy(&host.context);
+#endif
+            bb_close(&host);
+        }
+        hyi_bvh_free(&plain.context, &first);
+        bb_close(&plain);
+        ht_mesh_free(&mesh);
+    }
+}
+
+static void failing_memory_leaks_nothing(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(97);
+    ht_mesh mesh = bb_slats(&rng, 20000);
+    for (int q = 0; q < 2; q++) {
+        int64_t n = 1;
+        for (;; n++) {
+            bb_host host;
+            hyi_bvh bvh;
+            bb_open(&host);
+            host.memory.fail_at = n;
+            hydra_result result = hyi_bvh_build_triangles(&host.context, mesh.positions, mesh.indices, mesh.index_count / 3,
+                                                          q ? HYDRA_BUILD_BEST : HYDRA_BUILD_FAST, &bvh);
+            if (result == HYDRA_OK) hyi_bvh_free(&host.context, &bvh);
+            else assert_int_equal(result, HYDRA_ERROR_OUT_OF_MEMORY);
+            assert_true(bvh.nodes == NULL && bvh.primitive_count == 0);
+            bb_close(&host);
+            if (result == HYDRA_OK) break;
+        }
+        assert_true(n > 6 && n < 100);
+    }
+    ht_mesh_free(&mesh);
+}
+
+int hydra_test_bvh_build(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(trees_hold_every_point_of_every_triangle),
+        cmocka_unit_test(spatial_splits_are_made_where_boxes_overlap),
+        cmocka_unit_test(both_qualities_find_the_same),
+        cmocka_unit_test(any_order_of_work_builds_the_same),
+        cmocka_unit_test(failing_memory_leaks_nothing),
+    };
+    return cmocka_run_group_tests_name("bvh_build", tests, NULL, NULL);
+}
