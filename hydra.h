@@ -7781,7 +7781,6 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
-#undef HYI_MOVE4
 #undef HYI_MUL2
 #undef HYI_MUL4
 #undef HYI_MUL8
@@ -8799,7 +8798,6 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
-#undef HYI_MOVE4
 #undef HYI_MUL2
 #undef HYI_MUL4
 #undef HYI_MUL8
@@ -9761,7 +9759,6 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
-#undef HYI_MOVE4
 #undef HYI_MUL2
 #undef HYI_MUL4
 #undef HYI_MUL8
@@ -9833,12 +9830,6 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
     return _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps(two, two, 1)));
 }
 
-/* Writes sixteen bytes in the order of places. */
-HYI_INLINE HYI_SSE42 void hyi_move4_sse42(uint32_t *to, const uint32_t *from, const uint8_t *places) {
-    __m128i order = _mm_loadu_si128((const __m128i *)(const void *)places);
-    _mm_storeu_si128((__m128i *)(void *)to, _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)from), order));
-}
-
 #define HYI_TARGET HYI_SSE42
 #define HYI_I(name) name##_sse42
 #define HYI_F4 __m128
@@ -9863,7 +9854,6 @@ HYI_INLINE HYI_SSE42 void hyi_move4_sse42(uint32_t *to, const uint32_t *from, co
 #define HYI_PIN4(a) hyi_pin4_sse42(a)
 #define HYI_GREATEST4(a) hyi_greatest4_sse42(a)
 #define HYI_LEAST4(a) hyi_least4_sse42(a)
-#define HYI_MOVE4(to, from, places) hyi_move4_sse42(to, from, places)
 #define HYI_D2 __m128d
 #define HYI_SET2(value) _mm_set1_pd(value)
 #define HYI_STORE2(p, a) _mm_storeu_pd(p, a)
@@ -10002,37 +9992,13 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
 
 /* ---- lists */
 
-/* Bit r of byte c from bit c of byte r: a matrix of bits is transposed in blocks of 1, 2 and 4 (Warren 2012, "Hacker's
-   Delight", 7-3). */
-HYI_INLINE uint64_t HYI_I(hyi_transpose_bits)(uint64_t rows) {
-    uint64_t change = (rows ^ rows >> 7) & 0x00aa00aa00aa00aaull;
-    rows ^= change ^ change << 7;
-    change = (rows ^ rows >> 14) & 0x0000cccc0000ccccull;
-    rows ^= change ^ change << 14;
-    change = (rows ^ rows >> 28) & 0x00000000f0f0f0f0ull;
-    return rows ^ change ^ change << 28;
-}
-
-/* Appends eight items to the lists of the children that their masks name. Of each four those whose bit is set are moved
-   to the front by a permutation of bytes. */
+/* Appends eight items to the lists of the children that their masks name. By bits: permutations from a table were slower. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
-#define HYI_WORD(lane) 4 * (lane), 4 * (lane) + 1, 4 * (lane) + 2, 4 * (lane) + 3
-#define HYI_WORDS(a, b, c, d) {HYI_WORD(a), HYI_WORD(b), HYI_WORD(c), HYI_WORD(d)}
-    static const uint8_t front[16][16] = {
-        HYI_WORDS(0, 0, 0, 0), HYI_WORDS(0, 0, 0, 0), HYI_WORDS(1, 0, 0, 0), HYI_WORDS(0, 1, 0, 0),
-        HYI_WORDS(2, 0, 0, 0), HYI_WORDS(0, 2, 0, 0), HYI_WORDS(1, 2, 0, 0), HYI_WORDS(0, 1, 2, 0),
-        HYI_WORDS(3, 0, 0, 0), HYI_WORDS(0, 3, 0, 0), HYI_WORDS(1, 3, 0, 0), HYI_WORDS(0, 1, 3, 0),
-        HYI_WORDS(2, 3, 0, 0), HYI_WORDS(0, 2, 3, 0), HYI_WORDS(1, 2, 3, 0), HYI_WORDS(0, 1, 2, 3)};
-#undef HYI_WORDS
-#undef HYI_WORD
-    const uint64_t counts = 0x4332322132212110ull; /* four bits each: how many bits are set in 0 .. 15 */
-    uint64_t takes = HYI_I(hyi_transpose_bits)(masks->all);
-    for (uint32_t c = 0; c < 8u; c++, takes >>= 8) {
-        uint32_t low = (uint32_t)takes & 15u, high = (uint32_t)(takes >> 4) & 15u;
-        uint32_t *list = lists + (size_t)c * stride + dealt[c], some = (uint32_t)(counts >> 4u * low) & 7u;
-        HYI_MOVE4(list, items, front[low]);
-        HYI_MOVE4(list + some, items + 4, front[high]);
-        dealt[c] += some + ((uint32_t)(counts >> 4u * high) & 7u);
+    for (uint32_t i = 0; i < 8u; i++) {
+        for (uint32_t takers = masks->bytes[i]; takers; takers &= takers - 1u) {
+            uint32_t c = hyi_lowest_bit(takers);
+            lists[(size_t)c * stride + dealt[c]++] = items[i];
+        }
     }
 }
 
@@ -10906,7 +10872,6 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
-#undef HYI_MOVE4
 #undef HYI_MUL2
 #undef HYI_MUL4
 #undef HYI_MUL8
@@ -10975,11 +10940,6 @@ HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
     return vaddvq_u32(vandq_u32(vcombine_u32(vmovn_u64(low), vmovn_u64(high)), vld1q_u32(bits)));
 }
 
-/* Writes sixteen bytes in the order of places. */
-HYI_INLINE void hyi_move4_neon(uint32_t *to, const uint32_t *from, const uint8_t *places) {
-    vst1q_u32(to, vreinterpretq_u32_u8(vqtbl1q_u8(vreinterpretq_u8_u32(vld1q_u32(from)), vld1q_u8(places))));
-}
-
 #define HYI_TARGET
 #define HYI_I(name) name##_neon
 #define HYI_F4 float32x4_t
@@ -11004,7 +10964,6 @@ HYI_INLINE void hyi_move4_neon(uint32_t *to, const uint32_t *from, const uint8_t
 #define HYI_PIN4(a) hyi_pin4_neon(a)
 #define HYI_GREATEST4(a) vmaxvq_f32(a)
 #define HYI_LEAST4(a) vminvq_f32(a)
-#define HYI_MOVE4(to, from, places) hyi_move4_neon(to, from, places)
 #define HYI_D2 float64x2_t
 #define HYI_SET2(value) vdupq_n_f64(value)
 #define HYI_STORE2(p, a) vst1q_f64(p, a)
@@ -11143,37 +11102,13 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
 
 /* ---- lists */
 
-/* Bit r of byte c from bit c of byte r: a matrix of bits is transposed in blocks of 1, 2 and 4 (Warren 2012, "Hacker's
-   Delight", 7-3). */
-HYI_INLINE uint64_t HYI_I(hyi_transpose_bits)(uint64_t rows) {
-    uint64_t change = (rows ^ rows >> 7) & 0x00aa00aa00aa00aaull;
-    rows ^= change ^ change << 7;
-    change = (rows ^ rows >> 14) & 0x0000cccc0000ccccull;
-    rows ^= change ^ change << 14;
-    change = (rows ^ rows >> 28) & 0x00000000f0f0f0f0ull;
-    return rows ^ change ^ change << 28;
-}
-
-/* Appends eight items to the lists of the children that their masks name. Of each four those whose bit is set are moved
-   to the front by a permutation of bytes. */
+/* Appends eight items to the lists of the children that their masks name. By bits: permutations from a table were slower. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
-#define HYI_WORD(lane) 4 * (lane), 4 * (lane) + 1, 4 * (lane) + 2, 4 * (lane) + 3
-#define HYI_WORDS(a, b, c, d) {HYI_WORD(a), HYI_WORD(b), HYI_WORD(c), HYI_WORD(d)}
-    static const uint8_t front[16][16] = {
-        HYI_WORDS(0, 0, 0, 0), HYI_WORDS(0, 0, 0, 0), HYI_WORDS(1, 0, 0, 0), HYI_WORDS(0, 1, 0, 0),
-        HYI_WORDS(2, 0, 0, 0), HYI_WORDS(0, 2, 0, 0), HYI_WORDS(1, 2, 0, 0), HYI_WORDS(0, 1, 2, 0),
-        HYI_WORDS(3, 0, 0, 0), HYI_WORDS(0, 3, 0, 0), HYI_WORDS(1, 3, 0, 0), HYI_WORDS(0, 1, 3, 0),
-        HYI_WORDS(2, 3, 0, 0), HYI_WORDS(0, 2, 3, 0), HYI_WORDS(1, 2, 3, 0), HYI_WORDS(0, 1, 2, 3)};
-#undef HYI_WORDS
-#undef HYI_WORD
-    const uint64_t counts = 0x4332322132212110ull; /* four bits each: how many bits are set in 0 .. 15 */
-    uint64_t takes = HYI_I(hyi_transpose_bits)(masks->all);
-    for (uint32_t c = 0; c < 8u; c++, takes >>= 8) {
-        uint32_t low = (uint32_t)takes & 15u, high = (uint32_t)(takes >> 4) & 15u;
-        uint32_t *list = lists + (size_t)c * stride + dealt[c], some = (uint32_t)(counts >> 4u * low) & 7u;
-        HYI_MOVE4(list, items, front[low]);
-        HYI_MOVE4(list + some, items + 4, front[high]);
-        dealt[c] += some + ((uint32_t)(counts >> 4u * high) & 7u);
+    for (uint32_t i = 0; i < 8u; i++) {
+        for (uint32_t takers = masks->bytes[i]; takers; takers &= takers - 1u) {
+            uint32_t c = hyi_lowest_bit(takers);
+            lists[(size_t)c * stride + dealt[c]++] = items[i];
+        }
     }
 }
 
@@ -12047,7 +11982,6 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
-#undef HYI_MOVE4
 #undef HYI_MUL2
 #undef HYI_MUL4
 #undef HYI_MUL8

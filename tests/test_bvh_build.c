@@ -116,11 +116,47 @@ static void bb_check_leaf(const bb_check *k, uint32_t leaf, const hyi_box *box) 
     }
 }
 
+/* Whether a leaf below child has the triangle, and the point lies in all boxes above it. */
+static bool bb_is_covered(const hyi_bvh *bvh, uint32_t child, uint32_t id, const double point[3]) {
+    if (hyi_child_is_leaf(child)) {
+        for (uint32_t i = 0; i < hyi_leaf_count(child); i++)
+            if (bvh->ids[hyi_leaf_first(child) + i] == id) return true;
+        return false;
+    }
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        const hyi_node *node = &bvh->nodes[child];
+        bool inside = node->child[c] != HYI_CHILD_NONE;
+        for (int a = 0; a < 3; a++) inside = inside && point[a] >= (double)node->planes[2 * a][c] && point[a] <= (double)node->planes[2 * a + 1][c];
+        if (inside && bb_is_covered(bvh, node->child[c], id, point)) return true;
+    }
+    return false;
+}
+
+/* Where the planes of a leaf's box cut the edges of its triangles: where parts end. Catches: boxes of parts that are a
+   rounding too small. */
+static void bb_check_cuts(const bb_check *k, uint32_t leaf, const hyi_box *box) {
+    uint32_t id = k->bvh->ids[hyi_leaf_first(leaf)];
+    for (uint32_t n = 0; n < 18; n++) {
+        uint32_t axis = n % 3, edge = n / 3 % 3;
+        double plane = n < 9 ? (double)box->lower[axis] : (double)box->upper[axis], p[3], q[3], point[3];
+        for (uint32_t a = 0; a < 3; a++) {
+            p[a] = (double)(k->mesh->positions[3 * k->mesh->indices[3 * id + edge] + a] * k->bvh->scale);
+            q[a] = (double)(k->mesh->positions[3 * k->mesh->indices[3 * id + (edge + 1) % 3] + a] * k->bvh->scale);
+        }
+        double t = (plane - p[axis]) / (q[axis] - p[axis]);
+        if (!(t > 0 && t < 1)) continue;
+        for (int a = 0; a < 3; a++) point[a] = p[a] + t * (q[a] - p[a]);
+        point[axis] = plane;
+        assert_true(bb_is_covered(k->bvh, k->bvh->root, id, point));
+    }
+}
+
 /* Every child lies in its parent's box; returns the depth. */
 static uint32_t bb_check_below(const bb_check *k, uint32_t child, const hyi_box *box) {
     uint32_t depth = 0;
     if (hyi_child_is_leaf(child)) {
         bb_check_leaf(k, child, box);
+        if (k->parts) bb_check_cuts(k, child, box);
         return 0;
     }
     assert_true(child < k->bvh->node_count);
@@ -139,23 +175,7 @@ static uint32_t bb_check_below(const bb_check *k, uint32_t child, const hyi_box 
     return depth + 1;
 }
 
-/* Whether a leaf below child has the triangle, and the point lies in all boxes above it. */
-static bool bb_is_covered(const hyi_bvh *bvh, uint32_t child, uint32_t id, const double point[3]) {
-    if (hyi_child_is_leaf(child)) {
-        for (uint32_t i = 0; i < hyi_leaf_count(child); i++)
-            if (bvh->ids[hyi_leaf_first(child) + i] == id) return true;
-        return false;
-    }
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        const hyi_node *node = &bvh->nodes[child];
-        bool inside = node->child[c] != HYI_CHILD_NONE;
-        for (int a = 0; a < 3; a++) inside = inside && point[a] >= (double)node->planes[2 * a][c] && point[a] <= (double)node->planes[2 * a + 1][c];
-        if (inside && bb_is_covered(bvh, node->child[c], id, point)) return true;
-    }
-    return false;
-}
-
-/* Random points of random triangles, corners and edges among them. Catches: a part whose box is a rounding too small. */
+/* Random points of random triangles, corners and edges among them. */
 static void bb_check_points(const bb_check *k, ht_rng *rng, uint32_t count) {
     for (uint32_t n = 0; n < count; n++) {
         uint32_t id = (uint32_t)(ht_range(rng, 0, 1) * 0.9999f * (float)(k->mesh->index_count / 3));
