@@ -6922,7 +6922,8 @@ HYI_FN hydra_result hyi_bvh_build_boxes(hydra_context *context, const hyi_box *b
    decided by hyi_confirm in double, where products of two floats are exact: signs are then exact for the
    sheared corners, and u, v keep their bits on needles. t comes from the plane of the unsheared corners: a
    ray that starts exactly in the plane of a triangle gets t 0, and one that starts off it by a rounding of
-   float gets the right sign. Every rounding in it is pinned, so no compiler flag or instruction set changes
+   float gets the right sign; where a far origin leaves the sheared corners coarse, it is kept between t at the corners, so
+   that a hit never lies outside of its box. Every rounding in it is pinned, so no compiler flag or instruction set changes
    a bit. */
 #ifndef HYI_BVH_TRIANGLE_H
 #define HYI_BVH_TRIANGLE_H
@@ -6944,6 +6945,7 @@ typedef struct hyi_aim {
     float direction[3];                   /* in the order of axis */
     uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
     uint32_t near_plane[3];               /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
+    double t_by_z;                        /* inverse_z unrounded */
     double unit, inverse_unit;
 } hyi_aim;
 
@@ -7020,10 +7022,10 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     aim->axis[2] = z;
     for (int a = 0; a < 3; a++) aim->origin[a] = o[aim->axis[a]];
     for (int a = 0; a < 3; a++) aim->direction[a] = d[aim->axis[a]];
-    double t_by_z = 1.0 / (double)d[z];
-    aim->shear[0] = (float)((double)aim->direction[0] * t_by_z);
-    aim->shear[1] = (float)((double)aim->direction[1] * t_by_z);
-    aim->inverse_z = (float)t_by_z;
+    aim->t_by_z = 1.0 / (double)d[z];
+    aim->shear[0] = (float)((double)aim->direction[0] * aim->t_by_z);
+    aim->shear[1] = (float)((double)aim->direction[1] * aim->t_by_z);
+    aim->inverse_z = (float)aim->t_by_z;
 }
 
 /* The farthest t worth visiting, rounded outwards. */
@@ -7080,7 +7082,7 @@ HYI_INLINE double hyi_difference_of_products(double a, double p, double b, doubl
 }
 
 /* t, in the tree's units, at the plane through a triangle's corners, whose x, y, z (in the order of axis) lie stride
-   floats apart; false: the ray runs in the plane. */
+   floats apart, but within t at the corners; false: the ray runs in the plane. */
 HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double *t) {
     double a[3], e[3], f[3], n[3];
     for (int i = 0; i < 3; i++) {
@@ -7093,7 +7095,15 @@ HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32
     for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
     double across = hyi_sum_products(n[0], (double)aim->direction[0], n[1], (double)aim->direction[1], n[2], (double)aim->direction[2]);
     if (across == 0.0) return false;
-    *t = hyi_rounded_double(hyi_sum_products(n[0], a[0], n[1], a[1], n[2], a[2]) / across);
+    double plane = hyi_rounded_double(hyi_sum_products(n[0], a[0], n[1], a[1], n[2], a[2]) / across);
+    double least = hyi_rounded_double(a[2] * aim->t_by_z), most = least;
+    for (uint32_t k = 1; k < 3; k++) {
+        double to_corner = hyi_rounded_double((double)rows[(aim->axis[2] + 3u * k) * stride] - (double)aim->origin[2]);
+        double at = hyi_rounded_double(to_corner * aim->t_by_z);
+        least = at < least ? at : least;
+        most = at > most ? at : most;
+    }
+    *t = plane < least ? least : plane > most ? most : plane;
     return true;
 }
 
@@ -7398,6 +7408,7 @@ typedef struct hyi_packet {
     float inverse[3][HYI_PACKET_WIDTH]; /* likewise, of the direction kept from zero */
     float inverse_z[HYI_PACKET_WIDTH], t_near[HYI_PACKET_WIDTH], t_far[HYI_PACKET_WIDTH], t_min[HYI_PACKET_WIDTH];
     float best_t[HYI_PACKET_WIDTH];
+    double t_by_z[HYI_PACKET_WIDTH];
     double weights[3][HYI_PACKET_WIDTH]; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
     uint32_t instance[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
     uint32_t ray[HYI_PACKET_WIDTH];      /* its number among the rays, or flights, that the packet is made of */
@@ -7757,6 +7768,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
 #undef HYI_LOAD4
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
+#undef HYI_LOADD
+#undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
 #undef HYI_LOW_AS_DOUBLES
@@ -7975,6 +7988,7 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
 #define HYI_FD __m256d
 #define HYI_SETD(value) _mm256_set1_pd(value)
 #define HYI_HALFD(a, half) _mm256_cvtps_pd((half) ? _mm256_extractf128_ps(a, 1) : _mm256_castps256_ps128(a))
+#define HYI_LOADD(p) _mm256_loadu_pd(p)
 #define HYI_STORED(p, a) _mm256_storeu_pd(p, a)
 #define HYI_STOREH(p, half, a) _mm_storeu_ps((p) + 4 * (half), _mm256_cvtpd_ps(a))
 #define HYI_ADDD(a, b) _mm256_add_pd(a, b)
@@ -8222,7 +8236,7 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], con
 
 /* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
-                                                       const double n[3], int half, double t[8], double weights[3][8]) {
+                                                       const double n[3], const double z[3], int half, double t[8], double weights[3][8]) {
     HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
     for (int i = 0; i < 3; i++) {
         x[i] = HYI_HALFD(corners[i].x, half);
@@ -8236,7 +8250,16 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
     HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
     HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
-    HYI_STORED(t, HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD plane = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
+    HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
+    for (int i = 1; i < 3; i++) {
+        HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
+        HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
+        least = HYI_MIND(least, at);
+        most = HYI_MAXD(most, at);
+    }
+    HYI_STORED(t, HYI_MIND(HYI_MAXD(plane, least), most));
     HYI_STORED(weights[0], b);
     HYI_STORED(weights[1], c);
     HYI_STORED(weights[2], sum);
@@ -8278,14 +8301,15 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 /* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
                                                    const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
-    double corner[3], n[3];
+    double corner[3], n[3], z[3];
+    for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
     uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
     bool found = false;
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
     for (int half = 0; half < 2; half++) {
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
         double t[8], weights[3][8];
-        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, half, t, weights);
+        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, z, half, t, weights);
         for (; some; some &= some - 1u) {
             uint32_t lane = hyi_lowest_bit(some);
             const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
@@ -8379,6 +8403,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
         HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
         for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
         HYI_STOREH(packet->inverse_z, half, t_by_z);
+        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
     }
 }
 
@@ -8471,6 +8496,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ra
         flight->aim.shear[0] = packet.shear[0][i];
         flight->aim.shear[1] = packet.shear[1][i];
         flight->aim.inverse_z = packet.inverse_z[i];
+        flight->aim.t_by_z = packet.t_by_z[i];
         flight->aim.t_near = packet.t_near[i];
         flight->aim.t_far = packet.t_far[i];
         flight->aim.unit = flight->aim.inverse_unit = 1.0;
@@ -8516,6 +8542,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->shear[0][i] = aim->shear[0];
         packet->shear[1][i] = aim->shear[1];
         packet->inverse_z[i] = aim->inverse_z;
+        packet->t_by_z[i] = aim->t_by_z;
         packet->t_min[i] = flight->t_min;
         packet->t_near[i] = aim->t_near;
         packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
@@ -8774,6 +8801,8 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_LOAD4
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
+#undef HYI_LOADD
+#undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
 #undef HYI_LOW_AS_DOUBLES
@@ -8936,6 +8965,7 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
 #define HYI_FD __m512d
 #define HYI_SETD(value) _mm512_set1_pd(value)
 #define HYI_HALFD(a, half) _mm512_cvtps_pd((half) ? _mm512_extractf32x8_ps(a, 1) : _mm512_castps512_ps256(a))
+#define HYI_LOADD(p) _mm512_loadu_pd(p)
 #define HYI_STORED(p, a) _mm512_storeu_pd(p, a)
 #define HYI_STOREH(p, half, a) _mm256_storeu_ps((p) + 8 * (half), _mm512_cvtpd_ps(a))
 #define HYI_ADDD(a, b) _mm512_add_pd(a, b)
@@ -9183,7 +9213,7 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], con
 
 /* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
-                                                       const double n[3], int half, double t[8], double weights[3][8]) {
+                                                       const double n[3], const double z[3], int half, double t[8], double weights[3][8]) {
     HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
     for (int i = 0; i < 3; i++) {
         x[i] = HYI_HALFD(corners[i].x, half);
@@ -9197,7 +9227,16 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
     HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
     HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
-    HYI_STORED(t, HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD plane = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
+    HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
+    for (int i = 1; i < 3; i++) {
+        HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
+        HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
+        least = HYI_MIND(least, at);
+        most = HYI_MAXD(most, at);
+    }
+    HYI_STORED(t, HYI_MIND(HYI_MAXD(plane, least), most));
     HYI_STORED(weights[0], b);
     HYI_STORED(weights[1], c);
     HYI_STORED(weights[2], sum);
@@ -9239,14 +9278,15 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 /* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
                                                    const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
-    double corner[3], n[3];
+    double corner[3], n[3], z[3];
+    for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
     uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
     bool found = false;
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
     for (int half = 0; half < 2; half++) {
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
         double t[8], weights[3][8];
-        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, half, t, weights);
+        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, z, half, t, weights);
         for (; some; some &= some - 1u) {
             uint32_t lane = hyi_lowest_bit(some);
             const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
@@ -9340,6 +9380,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
         HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
         for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
         HYI_STOREH(packet->inverse_z, half, t_by_z);
+        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
     }
 }
 
@@ -9432,6 +9473,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ra
         flight->aim.shear[0] = packet.shear[0][i];
         flight->aim.shear[1] = packet.shear[1][i];
         flight->aim.inverse_z = packet.inverse_z[i];
+        flight->aim.t_by_z = packet.t_by_z[i];
         flight->aim.t_near = packet.t_near[i];
         flight->aim.t_far = packet.t_far[i];
         flight->aim.unit = flight->aim.inverse_unit = 1.0;
@@ -9477,6 +9519,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->shear[0][i] = aim->shear[0];
         packet->shear[1][i] = aim->shear[1];
         packet->inverse_z[i] = aim->inverse_z;
+        packet->t_by_z[i] = aim->t_by_z;
         packet->t_min[i] = flight->t_min;
         packet->t_near[i] = aim->t_near;
         packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
@@ -9735,6 +9778,8 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_LOAD4
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
+#undef HYI_LOADD
+#undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
 #undef HYI_LOW_AS_DOUBLES
@@ -9856,6 +9901,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_LEAST4(a) hyi_least4_sse42(a)
 #define HYI_D2 __m128d
 #define HYI_SET2(value) _mm_set1_pd(value)
+#define HYI_LOAD2(p) _mm_loadu_pd(p)
 #define HYI_STORE2(p, a) _mm_storeu_pd(p, a)
 #define HYI_LOW_AS_DOUBLES(a) _mm_cvtps_pd(a)
 #define HYI_HIGH_AS_DOUBLES(a) _mm_cvtps_pd(_mm_movehl_ps(a, a))
@@ -9971,6 +10017,13 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_half_as_doubles)(HYI_I(hyi_f8) a, 
     return r;
 }
 
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_load_doubles)(const double *p) {
+    HYI_I(hyi_d4) r;
+    r.low = HYI_LOAD2(p);
+    r.high = HYI_LOAD2(p + 2);
+    return r;
+}
+
 HYI_INLINE HYI_TARGET void HYI_I(hyi_store_doubles)(double *p, HYI_I(hyi_d4) a) {
     HYI_STORE2(p, a.low);
     HYI_STORE2(p + 2, a.high);
@@ -10049,6 +10102,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
 #define HYI_HALFD(a, half) HYI_I(hyi_half_as_doubles)(a, half)
+#define HYI_LOADD(p) HYI_I(hyi_load_doubles)(p)
 #define HYI_STORED(p, a) HYI_I(hyi_store_doubles)(p, a)
 #define HYI_STOREH(p, half, a) HYI_I(hyi_store_half)(p, half, a)
 #define HYI_ADDD(a, b) HYI_I(hyi_add_doubles)(a, b)
@@ -10296,7 +10350,7 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], con
 
 /* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
-                                                       const double n[3], int half, double t[8], double weights[3][8]) {
+                                                       const double n[3], const double z[3], int half, double t[8], double weights[3][8]) {
     HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
     for (int i = 0; i < 3; i++) {
         x[i] = HYI_HALFD(corners[i].x, half);
@@ -10310,7 +10364,16 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
     HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
     HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
-    HYI_STORED(t, HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD plane = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
+    HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
+    for (int i = 1; i < 3; i++) {
+        HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
+        HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
+        least = HYI_MIND(least, at);
+        most = HYI_MAXD(most, at);
+    }
+    HYI_STORED(t, HYI_MIND(HYI_MAXD(plane, least), most));
     HYI_STORED(weights[0], b);
     HYI_STORED(weights[1], c);
     HYI_STORED(weights[2], sum);
@@ -10352,14 +10415,15 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 /* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
                                                    const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
-    double corner[3], n[3];
+    double corner[3], n[3], z[3];
+    for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
     uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
     bool found = false;
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
     for (int half = 0; half < 2; half++) {
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
         double t[8], weights[3][8];
-        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, half, t, weights);
+        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, z, half, t, weights);
         for (; some; some &= some - 1u) {
             uint32_t lane = hyi_lowest_bit(some);
             const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
@@ -10453,6 +10517,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
         HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
         for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
         HYI_STOREH(packet->inverse_z, half, t_by_z);
+        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
     }
 }
 
@@ -10545,6 +10610,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ra
         flight->aim.shear[0] = packet.shear[0][i];
         flight->aim.shear[1] = packet.shear[1][i];
         flight->aim.inverse_z = packet.inverse_z[i];
+        flight->aim.t_by_z = packet.t_by_z[i];
         flight->aim.t_near = packet.t_near[i];
         flight->aim.t_far = packet.t_far[i];
         flight->aim.unit = flight->aim.inverse_unit = 1.0;
@@ -10590,6 +10656,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->shear[0][i] = aim->shear[0];
         packet->shear[1][i] = aim->shear[1];
         packet->inverse_z[i] = aim->inverse_z;
+        packet->t_by_z[i] = aim->t_by_z;
         packet->t_min[i] = flight->t_min;
         packet->t_near[i] = aim->t_near;
         packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
@@ -10848,6 +10915,8 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_LOAD4
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
+#undef HYI_LOADD
+#undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
 #undef HYI_LOW_AS_DOUBLES
@@ -10966,6 +11035,7 @@ HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
 #define HYI_LEAST4(a) vminvq_f32(a)
 #define HYI_D2 float64x2_t
 #define HYI_SET2(value) vdupq_n_f64(value)
+#define HYI_LOAD2(p) vld1q_f64(p)
 #define HYI_STORE2(p, a) vst1q_f64(p, a)
 #define HYI_LOW_AS_DOUBLES(a) vcvt_f64_f32(vget_low_f32(a))
 #define HYI_HIGH_AS_DOUBLES(a) vcvt_high_f64_f32(a)
@@ -11081,6 +11151,13 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_half_as_doubles)(HYI_I(hyi_f8) a, 
     return r;
 }
 
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_load_doubles)(const double *p) {
+    HYI_I(hyi_d4) r;
+    r.low = HYI_LOAD2(p);
+    r.high = HYI_LOAD2(p + 2);
+    return r;
+}
+
 HYI_INLINE HYI_TARGET void HYI_I(hyi_store_doubles)(double *p, HYI_I(hyi_d4) a) {
     HYI_STORE2(p, a.low);
     HYI_STORE2(p + 2, a.high);
@@ -11159,6 +11236,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
 #define HYI_HALFD(a, half) HYI_I(hyi_half_as_doubles)(a, half)
+#define HYI_LOADD(p) HYI_I(hyi_load_doubles)(p)
 #define HYI_STORED(p, a) HYI_I(hyi_store_doubles)(p, a)
 #define HYI_STOREH(p, half, a) HYI_I(hyi_store_half)(p, half, a)
 #define HYI_ADDD(a, b) HYI_I(hyi_add_doubles)(a, b)
@@ -11406,7 +11484,7 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], con
 
 /* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
-                                                       const double n[3], int half, double t[8], double weights[3][8]) {
+                                                       const double n[3], const double z[3], int half, double t[8], double weights[3][8]) {
     HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
     for (int i = 0; i < 3; i++) {
         x[i] = HYI_HALFD(corners[i].x, half);
@@ -11420,7 +11498,16 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
     HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
     HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
-    HYI_STORED(t, HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD plane = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
+    HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
+    for (int i = 1; i < 3; i++) {
+        HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
+        HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
+        least = HYI_MIND(least, at);
+        most = HYI_MAXD(most, at);
+    }
+    HYI_STORED(t, HYI_MIND(HYI_MAXD(plane, least), most));
     HYI_STORED(weights[0], b);
     HYI_STORED(weights[1], c);
     HYI_STORED(weights[2], sum);
@@ -11462,14 +11549,15 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 /* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
                                                    const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
-    double corner[3], n[3];
+    double corner[3], n[3], z[3];
+    for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
     uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
     bool found = false;
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
     for (int half = 0; half < 2; half++) {
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
         double t[8], weights[3][8];
-        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, half, t, weights);
+        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, z, half, t, weights);
         for (; some; some &= some - 1u) {
             uint32_t lane = hyi_lowest_bit(some);
             const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
@@ -11563,6 +11651,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
         HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
         for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
         HYI_STOREH(packet->inverse_z, half, t_by_z);
+        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
     }
 }
 
@@ -11655,6 +11744,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ra
         flight->aim.shear[0] = packet.shear[0][i];
         flight->aim.shear[1] = packet.shear[1][i];
         flight->aim.inverse_z = packet.inverse_z[i];
+        flight->aim.t_by_z = packet.t_by_z[i];
         flight->aim.t_near = packet.t_near[i];
         flight->aim.t_far = packet.t_far[i];
         flight->aim.unit = flight->aim.inverse_unit = 1.0;
@@ -11700,6 +11790,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->shear[0][i] = aim->shear[0];
         packet->shear[1][i] = aim->shear[1];
         packet->inverse_z[i] = aim->inverse_z;
+        packet->t_by_z[i] = aim->t_by_z;
         packet->t_min[i] = flight->t_min;
         packet->t_near[i] = aim->t_near;
         packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
@@ -11958,6 +12049,8 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_LOAD4
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
+#undef HYI_LOADD
+#undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
 #undef HYI_LOW_AS_DOUBLES

@@ -158,6 +158,7 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
 #define HYI_FD __m256d
 #define HYI_SETD(value) _mm256_set1_pd(value)
 #define HYI_HALFD(a, half) _mm256_cvtps_pd((half) ? _mm256_extractf128_ps(a, 1) : _mm256_castps256_ps128(a))
+#define HYI_LOADD(p) _mm256_loadu_pd(p)
 #define HYI_STORED(p, a) _mm256_storeu_pd(p, a)
 #define HYI_STOREH(p, half, a) _mm_storeu_ps((p) + 4 * (half), _mm256_cvtpd_ps(a))
 #define HYI_ADDD(a, b) _mm256_add_pd(a, b)

@@ -38,6 +38,8 @@
 #undef HYI_LOAD4
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
+#undef HYI_LOADD
+#undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
 #undef HYI_LOW_AS_DOUBLES

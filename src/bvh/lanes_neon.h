@@ -57,6 +57,7 @@ HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
 #define HYI_LEAST4(a) vminvq_f32(a)
 #define HYI_D2 float64x2_t
 #define HYI_SET2(value) vdupq_n_f64(value)
+#define HYI_LOAD2(p) vld1q_f64(p)
 #define HYI_STORE2(p, a) vst1q_f64(p, a)
 #define HYI_LOW_AS_DOUBLES(a) vcvt_f64_f32(vget_low_f32(a))
 #define HYI_HIGH_AS_DOUBLES(a) vcvt_high_f64_f32(a)

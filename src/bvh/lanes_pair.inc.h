@@ -100,6 +100,13 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_half_as_doubles)(HYI_I(hyi_f8) a, 
     return r;
 }
 
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_load_doubles)(const double *p) {
+    HYI_I(hyi_d4) r;
+    r.low = HYI_LOAD2(p);
+    r.high = HYI_LOAD2(p + 2);
+    return r;
+}
+
 HYI_INLINE HYI_TARGET void HYI_I(hyi_store_doubles)(double *p, HYI_I(hyi_d4) a) {
     HYI_STORE2(p, a.low);
     HYI_STORE2(p + 2, a.high);
@@ -178,6 +185,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
 #define HYI_HALFD(a, half) HYI_I(hyi_half_as_doubles)(a, half)
+#define HYI_LOADD(p) HYI_I(hyi_load_doubles)(p)
 #define HYI_STORED(p, a) HYI_I(hyi_store_doubles)(p, a)
 #define HYI_STOREH(p, half, a) HYI_I(hyi_store_half)(p, half, a)
 #define HYI_ADDD(a, b) HYI_I(hyi_add_doubles)(a, b)

@@ -56,6 +56,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_LEAST4(a) hyi_least4_sse42(a)
 #define HYI_D2 __m128d
 #define HYI_SET2(value) _mm_set1_pd(value)
+#define HYI_LOAD2(p) _mm_loadu_pd(p)
 #define HYI_STORE2(p, a) _mm_storeu_pd(p, a)
 #define HYI_LOW_AS_DOUBLES(a) _mm_cvtps_pd(a)
 #define HYI_HIGH_AS_DOUBLES(a) _mm_cvtps_pd(_mm_movehl_ps(a, a))

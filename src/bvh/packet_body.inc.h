@@ -78,7 +78,7 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], con
 
 /* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
-                                                       const double n[3], int half, double t[8], double weights[3][8]) {
+                                                       const double n[3], const double z[3], int half, double t[8], double weights[3][8]) {
     HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
     for (int i = 0; i < 3; i++) {
         x[i] = HYI_HALFD(corners[i].x, half);
@@ -92,7 +92,16 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
     HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
     HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
-    HYI_STORED(t, HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD plane = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
+    HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
+    for (int i = 1; i < 3; i++) {
+        HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
+        HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
+        least = HYI_MIND(least, at);
+        most = HYI_MAXD(most, at);
+    }
+    HYI_STORED(t, HYI_MIND(HYI_MAXD(plane, least), most));
     HYI_STORED(weights[0], b);
     HYI_STORED(weights[1], c);
     HYI_STORED(weights[2], sum);
@@ -134,14 +143,15 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 /* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
                                                    const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
-    double corner[3], n[3];
+    double corner[3], n[3], z[3];
+    for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
     uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
     bool found = false;
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
     for (int half = 0; half < 2; half++) {
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
         double t[8], weights[3][8];
-        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, half, t, weights);
+        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, z, half, t, weights);
         for (; some; some &= some - 1u) {
             uint32_t lane = hyi_lowest_bit(some);
             const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
@@ -235,6 +245,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
         HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
         for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
         HYI_STOREH(packet->inverse_z, half, t_by_z);
+        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
     }
 }
 
@@ -327,6 +338,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ra
         flight->aim.shear[0] = packet.shear[0][i];
         flight->aim.shear[1] = packet.shear[1][i];
         flight->aim.inverse_z = packet.inverse_z[i];
+        flight->aim.t_by_z = packet.t_by_z[i];
         flight->aim.t_near = packet.t_near[i];
         flight->aim.t_far = packet.t_far[i];
         flight->aim.unit = flight->aim.inverse_unit = 1.0;
@@ -372,6 +384,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->shear[0][i] = aim->shear[0];
         packet->shear[1][i] = aim->shear[1];
         packet->inverse_z[i] = aim->inverse_z;
+        packet->t_by_z[i] = aim->t_by_z;
         packet->t_min[i] = flight->t_min;
         packet->t_near[i] = aim->t_near;
         packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;

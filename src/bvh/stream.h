@@ -36,6 +36,7 @@ typedef struct hyi_packet {
     float inverse[3][HYI_PACKET_WIDTH]; /* likewise, of the direction kept from zero */
     float inverse_z[HYI_PACKET_WIDTH], t_near[HYI_PACKET_WIDTH], t_far[HYI_PACKET_WIDTH], t_min[HYI_PACKET_WIDTH];
     float best_t[HYI_PACKET_WIDTH];
+    double t_by_z[HYI_PACKET_WIDTH];
     double weights[3][HYI_PACKET_WIDTH]; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
     uint32_t instance[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
     uint32_t ray[HYI_PACKET_WIDTH];      /* its number among the rays, or flights, that the packet is made of */

@@ -10,7 +10,8 @@
    decided by hyi_confirm in double, where products of two floats are exact: signs are then exact for the
    sheared corners, and u, v keep their bits on needles. t comes from the plane of the unsheared corners: a
    ray that starts exactly in the plane of a triangle gets t 0, and one that starts off it by a rounding of
-   float gets the right sign. Every rounding in it is pinned, so no compiler flag or instruction set changes
+   float gets the right sign; where a far origin leaves the sheared corners coarse, it is kept between t at the corners, so
+   that a hit never lies outside of its box. Every rounding in it is pinned, so no compiler flag or instruction set changes
    a bit. */
 #ifndef HYI_BVH_TRIANGLE_H
 #define HYI_BVH_TRIANGLE_H
@@ -35,6 +36,7 @@ typedef struct hyi_aim {
     float direction[3];                   /* in the order of axis */
     uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
     uint32_t near_plane[3];               /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
+    double t_by_z;                        /* inverse_z unrounded */
     double unit, inverse_unit;
 } hyi_aim;
 
@@ -111,10 +113,10 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     aim->axis[2] = z;
     for (int a = 0; a < 3; a++) aim->origin[a] = o[aim->axis[a]];
     for (int a = 0; a < 3; a++) aim->direction[a] = d[aim->axis[a]];
-    double t_by_z = 1.0 / (double)d[z];
-    aim->shear[0] = (float)((double)aim->direction[0] * t_by_z);
-    aim->shear[1] = (float)((double)aim->direction[1] * t_by_z);
-    aim->inverse_z = (float)t_by_z;
+    aim->t_by_z = 1.0 / (double)d[z];
+    aim->shear[0] = (float)((double)aim->direction[0] * aim->t_by_z);
+    aim->shear[1] = (float)((double)aim->direction[1] * aim->t_by_z);
+    aim->inverse_z = (float)aim->t_by_z;
 }
 
 /* The farthest t worth visiting, rounded outwards. */
@@ -171,7 +173,7 @@ HYI_INLINE double hyi_difference_of_products(double a, double p, double b, doubl
 }
 
 /* t, in the tree's units, at the plane through a triangle's corners, whose x, y, z (in the order of axis) lie stride
-   floats apart; false: the ray runs in the plane. */
+   floats apart, but within t at the corners; false: the ray runs in the plane. */
 HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double *t) {
     double a[3], e[3], f[3], n[3];
     for (int i = 0; i < 3; i++) {
@@ -184,7 +186,15 @@ HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32
     for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
     double across = hyi_sum_products(n[0], (double)aim->direction[0], n[1], (double)aim->direction[1], n[2], (double)aim->direction[2]);
     if (across == 0.0) return false;
-    *t = hyi_rounded_double(hyi_sum_products(n[0], a[0], n[1], a[1], n[2], a[2]) / across);
+    double plane = hyi_rounded_double(hyi_sum_products(n[0], a[0], n[1], a[1], n[2], a[2]) / across);
+    double least = hyi_rounded_double(a[2] * aim->t_by_z), most = least;
+    for (uint32_t k = 1; k < 3; k++) {
+        double to_corner = hyi_rounded_double((double)rows[(aim->axis[2] + 3u * k) * stride] - (double)aim->origin[2]);
+        double at = hyi_rounded_double(to_corner * aim->t_by_z);
+        least = at < least ? at : least;
+        most = at > most ? at : most;
+    }
+    *t = plane < least ? least : plane > most ? most : plane;
     return true;
 }
 

@@ -1,0 +1,285 @@
+/* All instruction sets of this machine, rays one by one and in streams, against plain C one by one: every bit. */
+#define HYDRA_STATIC
+#define HYDRA_IMPLEMENTATION
+#include "hydra.h"
+#include "hydra_test.h"
+
+#define TL_MOST 70000
+static hyk_ray tl_rays[TL_MOST];
+static hyk_hit tl_truth[TL_MOST], tl_hits[TL_MOST];
+static uint8_t tl_any_truth[TL_MOST], tl_any[TL_MOST];
+
+/* ---- scenes: meshes within 1 of the origin that stand by themselves, and placed copies of them */
+
+#define TL_MOST_PLACED 8
+
+typedef struct tl_scene {
+    ht_host host;
+    hydra_scene *scene;
+    ht_mesh mesh[3];
+    hydra_mesh handle[3];
+    uint32_t mesh_count, placed_count;
+    hydra_instance_desc placed[TL_MOST_PLACED];
+    uint32_t placed_mesh[TL_MOST_PLACED];
+    float size; /* rays stay within */
+} tl_scene;
+
+static void tl_begin(tl_scene *s) {
+    memset(s, 0, sizeof *s);
+    s->scene = hydra_scene_create(ht_open(&s->host, NULL));
+    s->size = 1.2f;
+}
+
+static hydra_instance_desc *tl_note_placed(tl_scene *s, uint32_t mesh, const float transform[12]) {
+    hydra_instance_desc *desc = &s->placed[s->placed_count];
+    desc->mesh = s->handle[mesh];
+    memcpy(desc->transform, transform, sizeof desc->transform);
+    s->placed_mesh[s->placed_count++] = mesh;
+    return desc;
+}
+
+/* Takes the mesh over. Holes: by a texture (u and v of a vertex are its x and y), or by a hash of the ray. */
+static void tl_add(tl_scene *s, ht_mesh mesh, hydra_alpha_mode mode) {
+    static const float texels[4][4] = {{1, 0, 0, 1}, {0, 0, 0, 1}, {0.25f, 0, 0, 1}, {0.75f, 0, 0, 1}};
+    const float stays[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    hydra_texture_desc texture;
+    hydra_material_desc material;
+    memset(&texture, 0, sizeof texture);
+    memset(&material, 0, sizeof material);
+    texture.texels = texels;
+    texture.width = texture.height = 2;
+    texture.format = HYDRA_TEXEL_RGBA32F;
+    material.alpha_mode = mode;
+    material.alpha_texture = hydra_scene_add_texture(s->scene, &texture);
+    hydra_mesh_desc desc = ht_mesh_desc(&mesh, hydra_scene_add_material(s->scene, &material));
+    desc.uvs = desc.positions;
+    desc.uvs.stride = 3 * sizeof(float);
+    s->mesh[s->mesh_count] = mesh;
+    s->handle[s->mesh_count] = hydra_scene_add_mesh(s->scene, &desc);
+    (void)tl_note_placed(s, s->mesh_count++, stays);
+}
+
+/* Mirrored and stretched; turned and small; flat; and two meshes twice at one place each. */
+static void tl_add_instances(tl_scene *s) {
+    const float placed[4][12] = {{-1.5f, 0, 0, 1, 0, 0.5f, 0, 0.3f, 0, 0, 2, -1},
+                                 {0.06f, 0.08f, 0, -1, -0.08f, 0.06f, 0, 1, 0, 0, 0.1f, 0.5f},
+                                 {1, 0.5f, 0, 0, 0, 0.001f, 0, -1, 0.25f, 0, 1, 0},
+                                 {1, 0, 0, 0.25f, 0, 1, 0, 0, 0, 0, 1, 0}};
+    for (uint32_t i = 0; i < 6; i++) (void)hydra_scene_add_instance(s->scene, tl_note_placed(s, i % 2, placed[i < 3 ? i : 3]));
+    s->size = 2.5f;
+}
+
+static void tl_end(tl_scene *s) {
+    ht_ok(s->host.context, hydra_scene_destroy(s->scene));
+    for (uint32_t m = 0; m < s->mesh_count; m++) ht_mesh_free(&s->mesh[m]);
+    ht_close(&s->host);
+}
+
+/* ---- rays */
+
+/* TL_UNLIKE: of all kinds before it. TL_FAR rays pass no box by: they are slow. */
+enum { TL_RANDOM, TL_SEAMS, TL_AXES, TL_LENGTHS, TL_LIMITS, TL_UNLIKE, TL_FAR, TL_BLOCKS, TL_SEAM_BLOCKS, TL_KINDS };
+
+/* A corner of a triangle, or a point on an edge. */
+static void tl_seam(const tl_scene *s, ht_rng *rng, float p[3]) {
+    uint32_t k = ht_below(rng, s->placed_count), e = ht_below(rng, 3);
+    const float *m = s->placed[k].transform;
+    const ht_mesh *mesh = &s->mesh[s->placed_mesh[k]];
+    const uint32_t *t = mesh->indices + 3 * ht_below(rng, mesh->index_count / 3);
+    const float *a = mesh->positions + 3 * t[e], *b = mesh->positions + 3 * t[(e + 1) % 3];
+    float f = ht_below(rng, 2) ? 0.0f : ht_uniform(rng), q[3];
+    for (int i = 0; i < 3; i++) q[i] = a[i] + f * (b[i] - a[i]);
+    for (int i = 0; i < 3; i++) p[i] = m[4 * i] * q[0] + m[4 * i + 1] * q[1] + m[4 * i + 2] * q[2] + m[4 * i + 3];
+}
+
+static hyk_ray tl_ray(const float o[3], const float target[3], float length) {
+    hyk_ray ray;
+    ray.origin = hyk_make3(o[0], o[1], o[2]);
+    ray.direction = hyk_make3((target[0] - o[0]) * length, (target[1] - o[1]) * length, (target[2] - o[2]) * length);
+    ray.t_min = 0;
+    ray.t_max = INFINITY;
+    return ray;
+}
+
+/* Along an axis, with zeros of both signs or a denormal beside it. */
+static hyk_ray tl_axis_ray(const tl_scene *s, ht_rng *rng, float o[3]) {
+    const float nearly[3] = {0, -0.0f, 1e-41f};
+    float d[3] = {nearly[ht_below(rng, 3)], nearly[ht_below(rng, 3)], nearly[ht_below(rng, 3)]};
+    uint32_t axis = ht_below(rng, 3);
+    if (ht_below(rng, 2)) tl_seam(s, rng, o);
+    d[axis] = ht_below(rng, 2) ? 1.0f : -1.0f;
+    o[axis] = d[axis] * -s->size;
+    hyk_ray ray = tl_ray(o, o, 1);
+    ray.direction = hyk_make3(d[0], d[1], d[2]);
+    return ray;
+}
+
+static hyk_ray tl_one_ray(const tl_scene *s, ht_rng *rng, uint32_t kind) {
+    static const float lengths[] = {1e-42f, 1e-38f, 1e-30f, 1e-12f, 1e-9f, 1e9f, 1e12f, 1e30f, 1e37f};
+    float o[3], p[3];
+    for (int a = 0; a < 3; a++) o[a] = ht_range(rng, -s->size, s->size) * (kind == TL_FAR ? 1e6f : 1.0f);
+    for (int a = 0; a < 3; a++) p[a] = ht_range(rng, -s->size, s->size);
+    if (kind == TL_AXES) return tl_axis_ray(s, rng, o);
+    if (kind == TL_SEAMS || (kind == TL_FAR && ht_below(rng, 2))) tl_seam(s, rng, p);
+    hyk_ray ray = tl_ray(o, p, kind == TL_LENGTHS ? lengths[ht_below(rng, (uint32_t)HYI_COUNT(lengths))] : 1.0f);
+    if (kind == TL_LIMITS) {
+        ray.t_min = ht_range(rng, -1, 1);
+        ray.t_max = ht_range(rng, -0.5f, 1.5f);
+    }
+    return ray;
+}
+
+/* Alike: they start at one place, or nearly, towards places side by side. */
+static void tl_block(const tl_scene *s, ht_rng *rng, bool seams, hyk_ray *rays, uint32_t count) {
+    float o[3], p[3], spread = s->size * (seams ? 1e-6f : 0.02f), scatter = s->size * (ht_below(rng, 2) ? 0 : 1e-3f);
+    bool limited = ht_below(rng, 4) == 0;
+    for (int a = 0; a < 3; a++) o[a] = ht_range(rng, -s->size, s->size);
+    tl_seam(s, rng, p);
+    for (uint32_t i = 0; i < count; i++) {
+        float from[3], to[3];
+        for (int a = 0; a < 3; a++) from[a] = o[a] + ht_range(rng, -scatter, scatter);
+        for (int a = 0; a < 3; a++) to[a] = p[a] + (seams && i % 4 == 0 ? 0 : ht_range(rng, -spread, spread));
+        rays[i] = tl_ray(from, to, 1);
+        if (!limited) continue;
+        rays[i].t_min = ht_range(rng, -0.5f, 0.5f);
+        rays[i].t_max = ht_range(rng, 0.5f, 2);
+    }
+}
+
+static void tl_fill(const tl_scene *s, ht_rng *rng, uint32_t kind, uint32_t count) {
+    for (uint32_t i = 0; i < count; i += 16) {
+        uint32_t some = count - i < 16 ? count - i : 16;
+        if (kind >= TL_BLOCKS) tl_block(s, rng, kind == TL_SEAM_BLOCKS, tl_rays + i, some);
+        for (uint32_t k = i; k < i + some && kind < TL_BLOCKS; k++) tl_rays[k] = tl_one_ray(s, rng, kind == TL_UNLIKE ? ht_below(rng, kind) : kind);
+    }
+}
+
+/* ---- comparing */
+
+/* Returns how many hit something. */
+static uint32_t tl_find_truth(const tl_scene *s, uint32_t count) {
+    hyi_accel accel = s->scene->accel;
+    uint32_t found = 0;
+    accel.isa = HYDRA_ISA_SCALAR;
+    hyi_trace_closest(&accel, NULL, tl_rays, tl_truth, count);
+    hyi_trace_any(&accel, NULL, tl_rays, tl_any_truth, count);
+    for (uint32_t i = 0; i < count; i++) {
+        found += tl_truth[i].instance != HYK_NONE;
+        assert_true(ht_finite(tl_truth[i].t) && ht_finite(tl_truth[i].u) && ht_finite(tl_truth[i].v));
+        assert_int_equal(tl_any_truth[i], tl_truth[i].instance != HYK_NONE);
+    }
+    return found;
+}
+
+/* Through a stream made for capacity rays; 0: one by one. */
+static void tl_compare(const tl_scene *s, hydra_isa isa, uint32_t capacity, uint32_t count) {
+    hyi_accel accel = s->scene->accel;
+    hyi_ray_stream stream;
+    accel.isa = isa;
+    ht_ok(s->host.context, hyi_ray_stream_alloc(s->host.context, &accel, capacity, &stream));
+    memset(tl_hits, 0xa5, count * sizeof *tl_hits);
+    memset(tl_any, 0xa5, count);
+    hyi_trace_closest(&accel, &stream, tl_rays, tl_hits, count);
+    hyi_trace_any(&accel, &stream, tl_rays, tl_any, count);
+    hyi_ray_stream_free(s->host.context, &stream);
+    assert_memory_equal(tl_hits, tl_truth, count * sizeof *tl_hits);
+    assert_memory_equal(tl_any, tl_any_truth, count);
+}
+
+static uint32_t tl_compare_all(const tl_scene *s, uint32_t count) {
+    uint32_t found = tl_find_truth(s, count);
+    for (int isa = HYDRA_ISA_SSE42; isa <= HYDRA_ISA_NEON; isa++) {
+        if (!hyi_isa_is_there((hydra_isa)isa)) continue;
+        tl_compare(s, (hydra_isa)isa, 0, count);
+        if (count >= HYI_STREAM_LEAST) tl_compare(s, (hydra_isa)isa, count, count);
+        if (count > 100) tl_compare(s, (hydra_isa)isa, 100, count);
+    }
+    return found;
+}
+
+/* Limits at what was found, or next to it. */
+static void tl_limit_to_truth(uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        float t = tl_truth[i].t;
+        if (tl_truth[i].instance == HYK_NONE) continue;
+        if (i % 4 < 2) tl_rays[i].t_max = i % 4 ? t : nextafterf(t, -INFINITY);
+        else tl_rays[i].t_min = i % 4 == 2 ? t : nextafterf(t, INFINITY);
+    }
+}
+
+/* Commits the scene, and ends it. */
+static void tl_all_kinds(tl_scene *s, uint32_t seed) {
+    static const uint32_t counts[TL_KINDS] = {4097, 1, 64, 4095, 49, 4096, 48, 63, 47};
+    ht_rng rng = ht_rng_make(seed);
+    uint32_t found = 0, rays = 0;
+    ht_ok(s->host.context, hydra_scene_commit(s->scene));
+    for (uint32_t i = 0; i < ht_pick(2, 1) * TL_KINDS; i++) { /* kinds and counts meet differently each time around */
+        uint32_t kind = i % TL_KINDS, count = counts[(i + 2 * (i / TL_KINDS) + seed) % TL_KINDS];
+        if (count > 200 && (kind == TL_FAR || (ht_quick() && seed != 12))) count = 200;
+        tl_fill(s, &rng, kind, count);
+        rays += count;
+        found += tl_compare_all(s, count);
+        if (count > 64 && i % 2) continue;
+        tl_limit_to_truth(count);
+        (void)tl_compare_all(s, count);
+    }
+    assert_true(found > rays / 20 && found < rays - rays / 50);
+    tl_end(s);
+}
+
+/* ---- tests */
+
+static void meshes_alone(void **state) {
+    (void)state;
+    static tl_scene s;
+    ht_rng rng = ht_rng_make(1);
+    tl_begin(&s);
+    tl_add(&s, ht_soup(&rng, 3000, 1, 0.1f), HYDRA_ALPHA_OPAQUE);
+    tl_all_kinds(&s, 11);
+    tl_begin(&s);
+    tl_add(&s, ht_icosphere(1, 3), HYDRA_ALPHA_OPAQUE);
+    tl_add(&s, ht_torus(0.7f, 0.25f, 24, 16), HYDRA_ALPHA_OPAQUE);
+    tl_all_kinds(&s, 12);
+}
+
+static void instances_and_holes(void **state) {
+    (void)state;
+    static tl_scene s;
+    ht_rng rng = ht_rng_make(2);
+    for (uint32_t k = 0; k < 3; k++) {
+        tl_begin(&s);
+        tl_add(&s, ht_icosphere(1, 2), k > 0 ? HYDRA_ALPHA_MASK : HYDRA_ALPHA_OPAQUE);
+        tl_add(&s, ht_soup(&rng, 1000, 1, 0.2f), k > 0 ? HYDRA_ALPHA_BLEND : HYDRA_ALPHA_OPAQUE);
+        if (k < 2) tl_add_instances(&s);
+        tl_all_kinds(&s, 13 + k);
+    }
+}
+
+/* More than are sorted at a time; and alike rays do go in packets. */
+static void many_rays(void **state) {
+    (void)state;
+    static tl_scene s;
+    ht_rng rng = ht_rng_make(3);
+    hyi_ray_stream stream;
+    tl_begin(&s);
+    tl_add(&s, ht_soup(&rng, 3000, 1, 0.1f), HYDRA_ALPHA_OPAQUE);
+    ht_ok(s.host.context, hydra_scene_commit(s.scene));
+    tl_fill(&s, &rng, TL_RANDOM, TL_MOST);
+    tl_fill(&s, &rng, TL_BLOCKS, TL_MOST / 2);
+    (void)tl_find_truth(&s, TL_MOST);
+    tl_compare(&s, s.scene->accel.isa, TL_MOST, TL_MOST);
+    ht_ok(s.host.context, hyi_ray_stream_alloc(s.host.context, &s.scene->accel, TL_MOST, &stream));
+    hyi_site site = hyi_first_site(&s.scene->accel);
+    if (stream.capacity) assert_true(hyi_trace_alike(&site, &stream, tl_rays, tl_hits, NULL, TL_MOST / 2, stream.order) < TL_MOST / 8);
+    hyi_ray_stream_free(s.host.context, &stream);
+    tl_end(&s);
+}
+
+int hydra_test_lanes(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(meshes_alone),
+        cmocka_unit_test(instances_and_holes),
+        cmocka_unit_test(many_rays),
+    };
+    return cmocka_run_group_tests_name("lanes", tests, NULL, NULL);
+}
