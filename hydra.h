@@ -134,6 +134,7 @@ extern "C" {
     X(HYDRA_ERROR_FILM_FORMAT, "the film data is damaged or of another version")                     \
     X(HYDRA_ERROR_FILM_MISMATCH, "the film belongs to another scene, sensor, size or seed")          \
     X(HYDRA_ERROR_FILM_OVERLAP, "both films hold the same samples")                                  \
+    X(HYDRA_ERROR_TREE_FORMAT, "the tree data is damaged, of another version or from another kind of machine") \
     X(HYDRA_ERROR_RAY, "a ray is not finite, has no direction, or t_min > t_max")                    \
     X(HYDRA_ERROR_THREADS, "no thread could be started")                                             \
     X(HYDRA_ERROR_ISA, "this machine or build lacks the instruction set asked for")                  \
@@ -320,8 +321,9 @@ typedef struct hydra_mesh_desc {
     hydra_view triangle_materials; /* hydra_material, one a triangle; none: material for all */
     hydra_material material;       /* none: Lambert 0.8 grey */
     bool instanced_only;    /* not in the scene by itself, only through instances */
-    bool dynamic;           /* will be edited: has a BVH of its own, so that an edit builds only that one again. The other
-                               meshes that stand by themselves share one, which rays pass faster */
+    bool dynamic;           /* will be edited: has a BVH of its own, so that an edit builds only that one again, and moved
+                               vertices none at all (see hydra_scene_move_vertices). The other meshes that stand by
+                               themselves share one, which rays pass faster */
     hydra_build build;      /* of its BVH; the shared one is FAST only if all its meshes say FAST */
 } hydra_mesh_desc;
 
@@ -332,6 +334,17 @@ HYDRA_API hydra_mesh hydra_scene_add_mesh(hydra_scene *scene, const hydra_mesh_d
 HYDRA_API hydra_result hydra_scene_update_mesh(hydra_scene *scene, hydra_mesh mesh, const hydra_mesh_desc *desc);
 /* Removes the mesh and all its instances. */
 HYDRA_API hydra_result hydra_scene_remove_mesh(hydra_scene *scene, hydra_mesh mesh);
+/* A deforming mesh: new positions, and normals, of the same vertices; triangles, uvs and materials stay. Each view holds
+   as many elements as the mesh has vertices (else HYDRA_ERROR_COUNT), float x, y, z. normals may be empty: the mesh keeps
+   its own; a mesh without normals takes none. Copied.
+   The next hydra_scene_commit refits the BVH of a dynamic mesh, its instances with it, in a fraction of the time of a
+   build: the tree keeps its shape and gets new boxes. Where that cannot serve (a triangle that had no area has one now,
+   or none has any), it builds. The trees of other meshes are built again. Hits are right whatever moves how; but the
+   farther a mesh is from the shape its tree was built for, the slower rays pass: see hydra_mesh_info.
+   On error nothing changes. */
+HYDRA_API hydra_result hydra_scene_move_vertices(hydra_scene *scene, hydra_mesh mesh, hydra_view positions, hydra_view normals);
+/* The next commit builds the BVH of the mesh from nothing: dynamic or instanced its own, else the shared one. */
+HYDRA_API hydra_result hydra_scene_rebuild_mesh(hydra_scene *scene, hydra_mesh mesh);
 
 typedef struct hydra_instance_desc {
     hydra_mesh mesh;
@@ -424,12 +437,41 @@ typedef struct hydra_scene_info {
     uint64_t degenerate;       /* dropped */
     uint64_t emitters;         /* lights and emitting triangles */
     double build_seconds;      /* of the last commit's BVH builds */
-    uint32_t meshes_built;     /* BVHs the last commit built over triangles, the shared one counted once; the others were kept */
+    uint32_t meshes_built;     /* BVHs the last commit built over triangles, the shared one counted once; */
+    uint32_t meshes_refitted;  /* those it fitted to moved vertices, */
+    uint32_t trees_loaded;     /* and those it took from hydra_scene_load_trees; the others were kept */
     size_t bytes_bvh, bytes_geometry, bytes_textures, bytes_materials, bytes_lights, bytes_environment, bytes_tables;
     float bounds_min[3], bounds_max[3]; /* of everything that rays can hit; both zero when empty */
 } hydra_scene_info;
 
 HYDRA_API hydra_result hydra_scene_get_info(const hydra_scene *scene, hydra_scene_info *info);
+
+/* A mesh and the BVH that rays pass to it: its own where it is dynamic or instanced, else the shared one. */
+typedef struct hydra_mesh_info {
+    uint64_t triangles;
+    uint64_t degenerate;   /* of these, without area: no ray hits them */
+    size_t bytes_bvh;      /* of the tree */
+    float cost;            /* of a ray that meets the tree's bounds and no triangle, in visits of nodes, as the surface area
+                              heuristic expects it; 0: there is no tree, or nothing in it */
+    float cost_when_built; /* the same, when the tree was built */
+    bool shared;           /* the tree is the shared one */
+    bool refitted;         /* since it was built */
+    bool rebuild_advised;  /* refits made the cost grow by more than half: a build pays if many rays follow */
+} hydra_mesh_info;
+
+/* The scene must be committed. */
+HYDRA_API hydra_result hydra_scene_get_mesh_info(const hydra_scene *scene, hydra_mesh mesh, hydra_mesh_info *info);
+
+/* Trees built once and kept in a file of yours. save writes all BVHs over triangles of a committed scene, of *size bytes;
+   with buffer NULL it only tells the size (HYDRA_ERROR_BUFFER: *size was too small, and tells it too).
+   load copies trees from such bytes: the next successful commit takes each one whose triangles are to be built over, to
+   the bit the same positions, indices and hydra_build; it builds the rest, and forgets trees that fit nothing. Hits are
+   the same, to the bit, as with the scene that saved them. Several loads before a commit add up.
+   The bytes are those of one version of the library and one kind of machine (byte order); of another, damaged or cut off
+   they give HYDRA_ERROR_TREE_FORMAT and nothing changes. Everything in them is checked: bytes made by an enemy can make
+   rays miss what is there, and no worse. Neither call touches a file. */
+HYDRA_API hydra_result hydra_scene_save_trees(const hydra_scene *scene, void *buffer, size_t *size);
+HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *data, size_t size);
 
 /* ---------------------------------------------------------------- ray queries
 
@@ -700,6 +742,8 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>bvh-build-cost           which subtrees of the binary tree become wide nodes and leaves
      >>bvh-build-collapse       from the binary tree to eight-wide nodes and rows of triangles
      >>bvh-build                from triangles or boxes to a tree
+     >>bvh-refit                a tree over triangles that moved: same nodes, new boxes and rows, and what it costs now
+     >>bvh-save                 a tree as bytes, and bytes as a tree again, once everything in them has been checked
      >>bvh-triangle             a ray made ready for one tree, and the watertight triangle test
      >>bvh-walk                 what rays can meet, one ray on its way through a tree, and who decides on a triangle
      >>bvh-stream               many rays through a tree together
@@ -713,6 +757,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>scene-validate           checks shared by all descriptors; each names its error
      >>scene-materials          descriptors checked and turned into what kernels read
      >>scene-meshes             copies of the caller's geometry, and where it is placed
+     >>scene-trees              the trees over meshes: loaded, built, or fitted to vertices that moved; and saved
      >>scene-textures           copies of texels and their mip pyramids
      >>scene-energy-tables      computes the albedo tables that the scene's materials need
      >>scene-environment        sampling weights of an environment map (shaders/shared/light_layouts.h has the layout)
@@ -6910,6 +6955,699 @@ HYI_FN hydra_result hyi_bvh_build_boxes(hydra_context *context, const hyi_box *b
 
 #endif /* HYI_BVH_BUILD_H */
 
+/* >>bvh-refit: a tree over triangles that moved: same nodes, new boxes and rows, and what it costs now
+
+   Boxes are made anew from the leaves up, every reference taking the whole of its triangle (a build with spatial splits
+   had cut some of them). Parts of the tree are refitted by all threads; minima and maxima come out the same in any order,
+   and sums are added up in the order of the parts, which depends on the tree alone. */
+#ifndef HYI_BVH_REFIT_H
+#define HYI_BVH_REFIT_H
+
+/* ---- nodes, for whoever does not build or pass them: all that knows how they lie in memory */
+
+/* HYI_CHILD_NONE: there is no such child, nor one behind it. */
+HYI_INLINE uint32_t hyi_node_child(const hyi_bvh *bvh, uint32_t node, uint32_t c) { return bvh->nodes[node].child[c]; }
+
+/* In the tree's units. */
+HYI_INLINE hyi_box hyi_node_box(const hyi_bvh *bvh, uint32_t node, uint32_t c) {
+    hyi_box box;
+    for (int a = 0; a < 3; a++) {
+        box.lower[a] = bvh->nodes[node].planes[2 * a][c];
+        box.upper[a] = bvh->nodes[node].planes[2 * a + 1][c];
+    }
+    return box;
+}
+
+/* Gives the first count children, which are all, new boxes, in the tree's units. */
+HYI_INLINE void hyi_node_move(hyi_bvh *bvh, uint32_t node, const hyi_box *boxes, uint32_t count) {
+    for (int a = 0; a < 3; a++) {
+        for (uint32_t c = 0; c < count; c++) {
+            bvh->nodes[node].planes[2 * a][c] = boxes[c].lower[a];
+            bvh->nodes[node].planes[2 * a + 1][c] = boxes[c].upper[a];
+        }
+    }
+}
+
+/* Where the first float of a triangle lies in its leaf; the other eight follow at distances of count. */
+HYI_INLINE float *hyi_leaf_lane(const hyi_bvh *bvh, uint32_t first, uint32_t lane) { return bvh->rows + 9u * (size_t)first + lane; }
+
+/* ---- boxes of points as the caller gave them: in any part of float's range */
+
+HYI_INLINE hyi_bounds hyi_raw_empty(void) {
+    hyi_bounds box;
+    box.lower = hyi_four_all(FLT_MAX);
+    box.upper = hyi_four_all(-FLT_MAX);
+    return box;
+}
+
+HYI_INLINE hyi_box hyi_box_of(const hyi_bounds *bounds) {
+    hyi_box box;
+    hyi_bounds_store(bounds, box.lower, box.upper);
+    return box;
+}
+
+HYI_INLINE hyi_four hyi_point(const float *p) { return hyi_four_make(p[0], p[1], p[2]); }
+HYI_INLINE hyi_four hyi_four_abs(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
+
+/* x, y and z, each stride floats behind the other. */
+HYI_INLINE void hyi_four_scatter(hyi_four a, float *to, uint32_t stride) {
+#if HYI_X86
+    _mm_store_ss(to, a);
+    _mm_store_ss(to + stride, _mm_shuffle_ps(a, a, 1));
+    _mm_store_ss(to + 2u * stride, _mm_movehl_ps(a, a));
+#else
+    float lanes[4];
+    hyi_four_store(lanes, a);
+    for (uint32_t i = 0; i < 3; i++) to[i * stride] = lanes[i];
+#endif
+}
+
+/* ---- expected cost */
+
+/* What visiting a child adds to the cost of a tree, by the share of rays that come there. */
+HYI_INLINE double hyi_child_cost(uint32_t child) {
+    if (!hyi_child_is_leaf(child)) return (double)HYI_COST_NODE;
+    return (double)HYI_COST_LEAF + (double)HYI_COST_TRIANGLE * (double)hyi_leaf_count(child);
+}
+
+/* areas: the sum of hyi_child_cost times area over all children. The unit is the visit of a node. */
+HYI_INLINE float hyi_relative_cost(const hyi_bvh *bvh, double areas, double area) {
+    return (float)((hyi_child_cost(bvh->root) + (area > 0.0 ? areas / area : 0.0)) / (double)HYI_COST_NODE);
+}
+
+/* Expected cost of a ray that meets the tree's bounds and nothing in them (MacDonald and Booth 1990). */
+HYI_FN float hyi_bvh_cost(const hyi_bvh *bvh) {
+    double areas = 0.0;
+    if (bvh->primitive_count == 0) return 0.0f;
+    for (uint32_t n = 0; n < bvh->node_count; n++) {
+        for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+            uint32_t child = hyi_node_child(bvh, n, c);
+            if (child == HYI_CHILD_NONE) break;
+            hyi_box box = hyi_node_box(bvh, n, c);
+            areas += hyi_child_cost(child) * hyi_box_area(&box);
+        }
+    }
+    return hyi_relative_cost(bvh, areas, hyi_box_area(&bvh->scaled));
+}
+
+/* ---- leaves */
+
+/* What a part of the tree comes to. */
+typedef struct hyi_refit_sum {
+    hyi_bounds real;  /* bounds of the triangles that have an area */
+    uint32_t collapsed; /* references to others */
+    double areas;       /* see hyi_relative_cost */
+} hyi_refit_sum;
+
+/* A subtree. The first ones are opened: their nodes' inner children are parts of their own, from first_child on. */
+typedef struct hyi_refit_part {
+    uint32_t node, first_child;
+    hyi_bounds box;
+    hyi_refit_sum sum;
+} hyi_refit_part;
+
+typedef struct hyi_refit {
+    hydra_context *context;
+    const float *positions;
+    const uint32_t *indices;
+    hyi_bvh *bvh;
+    float scale;
+    hyi_refit_part *parts;
+    uint32_t part_count, opened;
+} hyi_refit;
+
+HYI_INLINE hyi_refit_sum hyi_refit_nothing(void) {
+    hyi_refit_sum sum;
+    sum.real = hyi_raw_empty();
+    sum.collapsed = 0;
+    sum.areas = 0.0;
+    return sum;
+}
+
+HYI_FN void hyi_refit_add(hyi_refit_sum *sum, const hyi_refit_sum *more) {
+    hyi_bounds_add(&sum->real, more->real.lower, more->real.upper);
+    sum->collapsed += more->collapsed;
+    sum->areas += more->areas;
+}
+
+/* hyi_triangle_is_degenerate, answered in float where float is sure: each part of the cross product, p - q, is off by a
+   few 2^-24 of |p| + |q|, unless that is next to underflow; overflow makes no comparison true. */
+HYI_INLINE bool hyi_four_is_flat(hyi_four a, hyi_four b, hyi_four c, const float *pa, const float *pb, const float *pc) {
+    hyi_four e = hyi_four_sub(b, a), f = hyi_four_sub(c, a);
+    hyi_four p = hyi_four_mul(hyi_four_turn(e), hyi_four_turn(hyi_four_turn(f))), q = hyi_four_mul(hyi_four_turn(hyi_four_turn(e)), hyi_four_turn(f));
+    hyi_four size = hyi_four_add(hyi_four_abs(p), hyi_four_abs(q));
+    hyi_four doubt = hyi_four_add(hyi_four_mul(size, hyi_four_all(9.5367431640625e-07f)), hyi_four_all(7.52316384526264e-37f));
+    return !hyi_four_exceeds(hyi_four_abs(hyi_four_sub(p, q)), doubt) && hyi_triangle_is_degenerate(pa, pb, pc);
+}
+
+/* Writes the rows of one triangle and adds it to the leaf's box; false: it has no area. It is then written as a point,
+   which no ray hits. point: its first corner. */
+HYI_INLINE bool hyi_refit_lane(const hyi_refit *refit, const uint32_t *index, float *rows, uint32_t count, hyi_bounds *box,
+                               hyi_four *point) {
+    const float *pa = refit->positions + 3u * (size_t)index[0];
+    const float *pb = refit->positions + 3u * (size_t)index[1];
+    const float *pc = refit->positions + 3u * (size_t)index[2];
+    hyi_four a = hyi_point(pa), b = hyi_point(pb), c = hyi_point(pc), scale = hyi_four_all(refit->scale);
+    bool flat = hyi_four_is_flat(a, b, c, pa, pb, pc);
+    if (HYI_UNLIKELY(flat))
+        b = c = a;
+    else
+        hyi_bounds_add(box, hyi_four_min(a, hyi_four_min(b, c)), hyi_four_max(a, hyi_four_max(b, c)));
+    hyi_four_scatter(hyi_four_mul(a, scale), rows, count);
+    hyi_four_scatter(hyi_four_mul(b, scale), rows + 3u * count, count);
+    hyi_four_scatter(hyi_four_mul(c, scale), rows + 6u * count, count);
+    *point = a;
+    return !flat;
+}
+
+/* Box of a leaf's triangles, whose rows are written. One without area counts for it only where there is no other. */
+HYI_FN hyi_bounds hyi_refit_leaf(const hyi_refit *refit, uint32_t leaf, hyi_refit_sum *sum) {
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
+    const uint32_t *ids = refit->bvh->ids + first;
+    hyi_bounds box = hyi_raw_empty();
+    hyi_four point = box.lower;
+    for (uint32_t lane = 0; lane < count; lane++) {
+        float *rows = hyi_leaf_lane(refit->bvh, first, lane);
+        if (!hyi_refit_lane(refit, refit->indices + 3u * (size_t)ids[lane], rows, count, &box, &point)) sum->collapsed++;
+    }
+    hyi_bounds_add(&sum->real, box.lower, box.upper);
+    if (hyi_bounds_are_empty(&box)) box.lower = box.upper = point;
+    return box;
+}
+
+/* ---- nodes */
+
+/* Writes a node whose children's boxes are known; returns their union. */
+HYI_FN hyi_bounds hyi_refit_close(const hyi_refit *refit, uint32_t node, const hyi_bounds *raw, hyi_refit_sum *sum) {
+    hyi_four scale = hyi_four_all(refit->scale);
+    hyi_bounds all = hyi_raw_empty();
+    hyi_box boxes[HYI_WIDTH];
+    uint32_t count = 0;
+    for (; count < HYI_WIDTH; count++) {
+        uint32_t child = hyi_node_child(refit->bvh, node, count);
+        if (child == HYI_CHILD_NONE) break;
+        hyi_bounds_add(&all, raw[count].lower, raw[count].upper);
+        hyi_four_scatter(hyi_four_mul(raw[count].lower, scale), boxes[count].lower, 1);
+        hyi_four_scatter(hyi_four_mul(raw[count].upper, scale), boxes[count].upper, 1);
+        sum->areas += hyi_child_cost(child) * hyi_box_area(&boxes[count]);
+    }
+    hyi_node_move(refit->bvh, node, boxes, count);
+    return all;
+}
+
+/* A node on the way down, and the boxes of its children as far as they are known. */
+typedef struct hyi_refit_frame {
+    uint32_t node, next;
+    hyi_bounds boxes[HYI_WIDTH];
+} hyi_refit_frame;
+
+/* Depth first, so that a node is written when its leaves have just been. */
+HYI_FN hyi_bounds hyi_refit_subtree(const hyi_refit *refit, uint32_t root, hyi_refit_sum *sum) {
+    hyi_refit_frame frames[HYI_TREE_DEPTH];
+    uint32_t level = 0;
+    frames[0].node = root;
+    frames[0].next = 0;
+    for (;;) {
+        hyi_refit_frame *frame = &frames[level];
+        uint32_t child = frame->next < HYI_WIDTH ? hyi_node_child(refit->bvh, frame->node, frame->next) : HYI_CHILD_NONE;
+        if (child == HYI_CHILD_NONE) {
+            hyi_bounds box = hyi_refit_close(refit, frame->node, frame->boxes, sum);
+            if (level == 0) return box;
+            frame = &frames[--level];
+            frame->boxes[frame->next++] = box;
+        } else if (hyi_child_is_leaf(child)) {
+            frame->boxes[frame->next++] = hyi_refit_leaf(refit, child, sum);
+        } else {
+            frames[++level].node = child;
+            frames[level].next = 0;
+        }
+    }
+}
+
+/* ---- parts */
+
+/* Enough to keep threads evenly busy; a smaller tree is one part. */
+#define HYI_REFIT_PARTS 512u
+
+/* Opens parts from the root down, in the order they come, until there are enough. */
+HYI_FN void hyi_refit_divide(hyi_refit *refit) {
+    refit->part_count = 1;
+    refit->opened = 0;
+    refit->parts[0].node = 0;
+    if (refit->bvh->node_count <= HYI_REFIT_PARTS) return;
+    for (; refit->part_count + HYI_WIDTH <= HYI_REFIT_PARTS && refit->opened < refit->part_count; refit->opened++) {
+        hyi_refit_part *part = &refit->parts[refit->opened];
+        part->first_child = refit->part_count;
+        for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+            uint32_t child = hyi_node_child(refit->bvh, part->node, c);
+            if (child == HYI_CHILD_NONE) break;
+            if (!hyi_child_is_leaf(child)) refit->parts[refit->part_count++].node = child;
+        }
+    }
+}
+
+HYI_FN void hyi_refit_part_task(void *argument, uint32_t index) {
+    hyi_refit *refit = (hyi_refit *)argument;
+    hyi_refit_part *part = &refit->parts[refit->opened + index];
+    hyi_refit_sum sum = hyi_refit_nothing(); /* a local one: parts of other threads lie close */
+    part->box = hyi_refit_subtree(refit, part->node, &sum);
+    part->sum = sum;
+}
+
+/* The node of an opened part, when those below it are done. */
+HYI_FN void hyi_refit_opened(const hyi_refit *refit, hyi_refit_part *part) {
+    hyi_bounds boxes[HYI_WIDTH];
+    uint32_t below = part->first_child;
+    part->sum = hyi_refit_nothing();
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        uint32_t child = hyi_node_child(refit->bvh, part->node, c);
+        if (child == HYI_CHILD_NONE) break;
+        boxes[c] = hyi_child_is_leaf(child) ? hyi_refit_leaf(refit, child, &part->sum) : refit->parts[below++].box;
+    }
+    part->box = hyi_refit_close(refit, part->node, boxes, &part->sum);
+}
+
+/* Refits everything; box: of the whole tree. */
+HYI_FN hyi_refit_sum hyi_refit_pass(hyi_refit *refit, hyi_bounds *box) {
+    hyi_refit_sum sum = hyi_refit_nothing();
+    if (hyi_child_is_leaf(refit->bvh->root)) {
+        *box = hyi_refit_leaf(refit, refit->bvh->root, &sum);
+        return sum;
+    }
+    hyi_refit_divide(refit);
+    hyi_parallel(refit->context, refit->part_count - refit->opened, hyi_refit_part_task, refit);
+    for (uint32_t p = refit->opened; p-- > 0;) hyi_refit_opened(refit, &refit->parts[p]);
+    for (uint32_t p = 0; p < refit->part_count; p++) hyi_refit_add(&sum, &refit->parts[p].sum);
+    *box = refit->parts[0].box;
+    return sum;
+}
+
+/* ---- what the tree must hold */
+
+/* Whether a scale keeps coordinates as near to 1 as hyi_build_scale wants them; those far below may be anywhere. */
+HYI_FN bool hyi_scale_serves(float scale, const hyi_box *box, bool from_below) {
+    float largest = 0.0f;
+    for (int a = 0; a < 3; a++) {
+        largest = fabsf(box->lower[a]) > largest ? fabsf(box->lower[a]) : largest;
+        largest = fabsf(box->upper[a]) > largest ? fabsf(box->upper[a]) : largest;
+    }
+    int exponent = 0;
+    (void)frexp((double)largest * (double)scale, &exponent);
+    return largest <= 0.0f || (exponent <= 20 && (exponent >= -20 || !from_below));
+}
+
+/* Marks the triangles that the tree holds; returns how many. marks: a bit each, zeroed. */
+HYI_FN uint32_t hyi_mark_held(const hyi_bvh *bvh, uint32_t *marks) {
+    uint32_t held = 0;
+    for (uint32_t s = 0; s < bvh->slot_count; s++) {
+        uint32_t *word = &marks[bvh->ids[s] / 32u], bit = 1u << (bvh->ids[s] % 32u);
+        held += *word & bit ? 0u : 1u;
+        *word |= bit;
+    }
+    return held;
+}
+
+/* Counts triangles without area. lost: one that has an area is not in the tree. all: those in the tree may have none. */
+HYI_FN uint32_t hyi_count_flat(const hyi_refit *refit, const uint32_t *marks, uint32_t triangle_count, bool all, bool *lost) {
+    uint32_t flat = 0;
+    *lost = false;
+    for (uint32_t t = 0; t < triangle_count; t++) {
+        bool held = (marks[t / 32u] >> (t % 32u) & 1u) != 0u;
+        if (held && !all) {
+            t |= marks[t / 32u] == 0xffffffffu ? 31u : 0u; /* on to the next word */
+            continue;
+        }
+        const uint32_t *index = refit->indices + 3u * (size_t)t;
+        const float *p = refit->positions;
+        bool is_flat = hyi_triangle_is_degenerate(p + 3u * (size_t)index[0], p + 3u * (size_t)index[1], p + 3u * (size_t)index[2]);
+        flat += is_flat ? 1u : 0u;
+        *lost = *lost || (!is_flat && !held);
+    }
+    return flat;
+}
+
+HYI_INLINE size_t hyi_mark_words(uint32_t count) { return ((size_t)count + 31u) / 32u; }
+
+/* Sets the number of triangles without area. lost: the tree cannot serve these positions, as a triangle that its build
+   dropped has an area now. */
+HYI_FN hydra_result hyi_refit_census(const hyi_refit *refit, uint32_t triangle_count, uint32_t collapsed, bool *lost) {
+    hyi_bvh *bvh = refit->bvh;
+    *lost = false;
+    bvh->degenerate = 0;
+    if (collapsed == 0 && bvh->primitive_count == triangle_count) return HYDRA_OK;
+    uint32_t *marks;
+    size_t words = hyi_mark_words(triangle_count);
+    HYI_TRY(hyi_alloc_array(refit->context, &marks, words));
+    memset(marks, 0, words * sizeof *marks);
+    (void)hyi_mark_held(bvh, marks);
+    bvh->degenerate = hyi_count_flat(refit, marks, triangle_count, collapsed != 0, lost);
+    hyi_free_array(refit->context, &marks, words);
+    return HYDRA_OK;
+}
+
+/* Bounds of what rays can hit, and the scale. */
+HYI_FN void hyi_refit_finish(const hyi_refit *refit, const hyi_box *real) {
+    hyi_bvh *bvh = refit->bvh;
+    bvh->bounds = *real;
+    bvh->scale = refit->scale;
+    for (int a = 0; a < 3; a++) {
+        bvh->scaled.lower[a] = real->lower[a] * refit->scale;
+        bvh->scaled.upper[a] = real->upper[a] * refit->scale;
+    }
+}
+
+/* A scale that no longer serves costs a second pass. */
+HYI_FN hydra_result hyi_refit_run(hyi_refit *refit, uint32_t triangle_count, bool *fits, float *cost) {
+    hyi_bounds box;
+    bool lost, empty;
+    hyi_refit_sum sum = hyi_refit_pass(refit, &box);
+    hyi_box real = hyi_box_of(&sum.real), all;
+    empty = hyi_bounds_are_empty(&sum.real);
+    if (!empty && !hyi_scale_serves(refit->scale, &real, true)) {
+        refit->scale = hyi_build_scale(&real);
+        sum = hyi_refit_pass(refit, &box);
+    }
+    all = hyi_box_of(&box);
+    HYI_TRY(hyi_refit_census(refit, triangle_count, sum.collapsed, &lost));
+    *fits = !lost && !empty && hyi_scale_serves(refit->scale, &all, false);
+    if (!*fits) return HYDRA_OK;
+    hyi_refit_finish(refit, &real);
+    *cost = hyi_relative_cost(refit->bvh, sum.areas, hyi_box_area(&refit->bvh->scaled));
+    return HYDRA_OK;
+}
+
+/* Fits a tree to new positions of the triangles it was built over. fits is false where it cannot be done: no triangle
+   that it holds has an area, one that it does not hold has one, or one without area lies too far outside for any scale.
+   The tree must then be built again. After an error it may be refitted once more. */
+HYI_FN hydra_result hyi_bvh_refit(hydra_context *context, const float *positions, const uint32_t *indices, uint32_t triangle_count,
+                                  hyi_bvh *bvh, bool *fits, float *cost) {
+    hyi_refit refit;
+    memset(&refit, 0, sizeof refit);
+    refit.context = context;
+    refit.positions = positions;
+    refit.indices = indices;
+    refit.bvh = bvh;
+    refit.scale = bvh->scale;
+    *fits = false;
+    if (bvh->primitive_count == 0) return HYDRA_OK;
+    HYI_TRY(hyi_alloc_array(context, &refit.parts, HYI_REFIT_PARTS));
+    hydra_result result = hyi_refit_run(&refit, triangle_count, fits, cost);
+    hyi_free_array(context, &refit.parts, HYI_REFIT_PARTS);
+    return result;
+}
+
+#endif /* HYI_BVH_REFIT_H */
+
+/* >>bvh-save: a tree as bytes, and bytes as a tree again, once everything in them has been checked
+
+   Saved are the nodes, as they lie in memory, and the ids by slot; rows are written from the triangles when a tree is
+   adopted, so bytes of others bring no coordinates. Checking is one pass: each node is the child of one node before it and
+   no deeper than stacks are, each slot belongs to one leaf, ids are in range, boxes are finite, and what is no child
+   cannot be entered. Then no ray can do worse than miss. */
+#ifndef HYI_BVH_SAVE_H
+#define HYI_BVH_SAVE_H
+
+#define HYI_TREES_MAGIC 0x54524459u /* YDRT; another byte order reads it as something else */
+#define HYI_TREES_VERSION 1u        /* counts changes of the format, of nodes and of what they mean */
+
+typedef struct hyi_trees_header {
+    uint32_t magic, version;
+    uint64_t checksum; /* of all that follows */
+    uint64_t size;     /* of everything */
+    uint32_t layout, tree_count;
+} hyi_trees_header;
+#define HYI_TREES_CHECKED_FROM 16u
+
+/* Stands before each tree's nodes and ids. */
+typedef struct hyi_tree_record {
+    uint64_t fingerprint; /* of what it was built from */
+    uint32_t triangle_count, primitive_count, node_count, slot_count, root;
+    float scale, cost_when_built;
+    uint32_t refitted;
+} hyi_tree_record;
+
+HYI_STATIC_ASSERT(sizeof(hyi_trees_header) == 32 && sizeof(hyi_tree_record) == 40);
+
+/* Tells machines and layouts apart whose trees are no use to each other. */
+HYI_INLINE uint32_t hyi_trees_layout(void) { return (uint32_t)sizeof(hyi_node) | HYI_WIDTH << 16 | HYI_LEAF_MAX << 24; }
+
+/* ---- a hash
+
+   Four independent chains hide the latency of the multiplication, which is what counts with megabytes. Every step is a
+   bijection of the chain for a given word and of the word for a given chain, so no change of a single word is missed. */
+
+HYI_INLINE uint64_t hyi_hash_step(uint64_t hash, uint64_t word) {
+    hash = (hash ^ word) * 0x9e3779b97f4a7c15u;
+    return hash ^ (hash >> 29);
+}
+
+HYI_FN uint64_t hyi_hash(uint64_t seed, const void *data, size_t size) {
+    const unsigned char *at = (const unsigned char *)data;
+    uint64_t chain[4], words[4];
+    for (uint32_t i = 0; i < 4; i++) chain[i] = hyi_hash_step(seed, i + 1u);
+    for (size_t left = size; left >= sizeof words; left -= sizeof words, at += sizeof words) {
+        memcpy(words, at, sizeof words);
+        for (int i = 0; i < 4; i++) chain[i] = hyi_hash_step(chain[i], words[i]);
+    }
+    memset(words, 0, sizeof words);
+    if (size % sizeof words) memcpy(words, at, size % sizeof words);
+    uint64_t hash = hyi_hash_step(seed, (uint64_t)size);
+    for (int i = 0; i < 4; i++) hash = hyi_hash_step(hash, hyi_hash_step(chain[i], words[i]));
+    return hash;
+}
+
+/* ---- bytes */
+
+/* Each array of a tree is padded to eight bytes, so that records and nodes lie aligned where the whole does. */
+HYI_INLINE size_t hyi_padded(size_t size) { return (size + 7u) & ~(size_t)7u; }
+
+HYI_FN size_t hyi_tree_bytes(const hyi_bvh *bvh) {
+    size_t nodes = (size_t)bvh->node_count * sizeof *bvh->nodes, ids = (size_t)bvh->slot_count * sizeof *bvh->ids;
+    return sizeof(hyi_tree_record) + hyi_padded(nodes) + hyi_padded(ids);
+}
+
+HYI_FN unsigned char *hyi_put(unsigned char *out, const void *data, size_t size) {
+    if (size) memcpy(out, data, size);
+    memset(out + size, 0, hyi_padded(size) - size);
+    return out + hyi_padded(size);
+}
+
+/* Writes hyi_tree_bytes; returns what is behind them. record: but for what the tree knows. */
+HYI_FN unsigned char *hyi_put_tree(unsigned char *out, const hyi_bvh *bvh, hyi_tree_record record) {
+    record.primitive_count = bvh->primitive_count;
+    record.node_count = bvh->node_count;
+    record.slot_count = bvh->slot_count;
+    record.root = bvh->root;
+    record.scale = bvh->scale;
+    out = hyi_put(out, &record, sizeof record);
+    out = hyi_put(out, bvh->nodes, (size_t)bvh->node_count * sizeof *bvh->nodes);
+    return hyi_put(out, bvh->ids, (size_t)bvh->slot_count * sizeof *bvh->ids);
+}
+
+/* What is left to read. */
+typedef struct hyi_bytes {
+    const unsigned char *at;
+    size_t left;
+} hyi_bytes;
+
+/* Copies count elements; false: there are not so many. */
+HYI_FN bool hyi_get(hyi_bytes *in, void *data, size_t count, size_t element) {
+    if (count > in->left / element || hyi_padded(count * element) > in->left) return false;
+    if (count) memcpy(data, in->at, count * element);
+    in->at += hyi_padded(count * element);
+    in->left -= hyi_padded(count * element);
+    return true;
+}
+
+/* ---- checking */
+
+typedef struct hyi_tree_check {
+    const hyi_bvh *bvh;
+    uint8_t *level;  /* by node, from 1; 0: no node before it has it for a child */
+    uint32_t *slots; /* a bit each: belongs to a leaf */
+    uint32_t slots_seen;
+} hyi_tree_check;
+
+/* Whether the box is finite and the right way round, or for an unused child the wrong way round on every axis. */
+HYI_FN bool hyi_check_box(const hyi_box *box, bool used) {
+    for (int a = 0; a < 3; a++) {
+        if (!hyk_is_finite(box->lower[a]) || !hyk_is_finite(box->upper[a])) return false;
+        if (used ? box->lower[a] > box->upper[a] : box->lower[a] <= box->upper[a]) return false;
+    }
+    return true;
+}
+
+HYI_FN bool hyi_check_leaf(hyi_tree_check *check, uint32_t leaf) {
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
+    if (first >= check->bvh->slot_count || count > check->bvh->slot_count - first || count > HYI_LEAF_MAX) return false;
+    for (uint32_t s = first; s < first + count; s++) {
+        uint32_t bit = 1u << (s % 32u);
+        if (check->slots[s / 32u] & bit) return false;
+        check->slots[s / 32u] |= bit;
+    }
+    check->slots_seen += count;
+    return true;
+}
+
+/* A node that was checked before this one has its level, so children that lead back are refused too. */
+HYI_FN bool hyi_check_inner(hyi_tree_check *check, uint32_t node, uint32_t child) {
+    if (child >= check->bvh->node_count || check->level[child] != 0) return false;
+    check->level[child] = (uint8_t)(check->level[node] + 1u);
+    return check->level[child] <= HYI_TREE_DEPTH;
+}
+
+HYI_FN bool hyi_check_node(hyi_tree_check *check, uint32_t node) {
+    uint32_t used = 0;
+    if (check->level[node] == 0) return false;
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        uint32_t child = hyi_node_child(check->bvh, node, c);
+        hyi_box box = hyi_node_box(check->bvh, node, c);
+        if (!hyi_check_box(&box, child != HYI_CHILD_NONE)) return false;
+        if (child == HYI_CHILD_NONE) continue;
+        if (used++ != c) return false; /* children stand before what is none */
+        if (!(hyi_child_is_leaf(child) ? hyi_check_leaf(check, child) : hyi_check_inner(check, node, child))) return false;
+    }
+    return used > 0;
+}
+
+HYI_FN bool hyi_check_nodes(hyi_tree_check *check, uint32_t *depth) {
+    const hyi_bvh *bvh = check->bvh;
+    *depth = 0;
+    if (hyi_child_is_leaf(bvh->root)) {
+        if (bvh->node_count != 0 || !hyi_check_leaf(check, bvh->root)) return false;
+    } else {
+        if (bvh->root != 0 || bvh->node_count == 0) return false;
+        check->level[0] = 1;
+    }
+    for (uint32_t n = 0; n < bvh->node_count; n++) {
+        if (!hyi_check_node(check, n)) return false;
+        *depth = check->level[n] > *depth ? check->level[n] : *depth;
+    }
+    return check->slots_seen == bvh->slot_count;
+}
+
+/* Numbers that need no more than themselves. */
+HYI_FN bool hyi_check_record(const hyi_tree_record *record) {
+    int exponent;
+    if (record->slot_count == 0 || record->slot_count > HYI_PRIMITIVES_MAX || record->node_count > record->slot_count) return false;
+    if (record->primitive_count == 0 || record->primitive_count > record->slot_count) return false;
+    if (record->primitive_count > record->triangle_count || record->triangle_count > HYI_PRIMITIVES_MAX || record->refitted > 1u)
+        return false;
+    if (!hyk_is_finite(record->scale) || !(record->scale > 0.0f) || frexpf(record->scale, &exponent) != 0.5f) return false;
+    return hyk_is_finite(record->cost_when_built) && record->cost_when_built >= 0.0f;
+}
+
+HYI_FN bool hyi_check_ids(const hyi_bvh *bvh, uint32_t triangle_count, uint32_t *marks) {
+    for (uint32_t s = 0; s < bvh->slot_count; s++)
+        if (bvh->ids[s] >= triangle_count) return false;
+    return hyi_mark_held(bvh, marks) == bvh->primitive_count;
+}
+
+/* sound: the tree may be walked, refitted and adopted. */
+HYI_FN hydra_result hyi_check_tree(hydra_context *context, hyi_bvh *bvh, uint32_t triangle_count, bool *sound) {
+    size_t slot_words = hyi_mark_words(bvh->slot_count), id_words = hyi_mark_words(triangle_count), words = slot_words + id_words;
+    hyi_tree_check check;
+    memset(&check, 0, sizeof check);
+    check.bvh = bvh;
+    HYI_TRY(hyi_alloc_array(context, &check.slots, words));
+    hydra_result result = hyi_alloc_array(context, &check.level, bvh->node_count);
+    if (result == HYDRA_OK) {
+        memset(check.slots, 0, words * sizeof *check.slots);
+        if (bvh->node_count) memset(check.level, 0, bvh->node_count);
+        *sound = hyi_check_nodes(&check, &bvh->depth) && hyi_check_ids(bvh, triangle_count, check.slots + slot_words);
+    }
+    hyi_free_array(context, &check.level, bvh->node_count);
+    hyi_free_array(context, &check.slots, words);
+    return result;
+}
+
+/* ---- reading */
+
+HYI_FN hydra_result hyi_get_arrays(hydra_context *context, hyi_bytes *in, hyi_bvh *bvh, bool *sound) {
+    hydra_result result = hyi_alloc_array(context, &bvh->nodes, bvh->node_count);
+    if (result == HYDRA_OK) result = hyi_alloc_array(context, &bvh->ids, bvh->slot_count);
+    if (result != HYDRA_OK) return result;
+    *sound = hyi_get(in, bvh->nodes, bvh->node_count, sizeof *bvh->nodes) && hyi_get(in, bvh->ids, bvh->slot_count, sizeof *bvh->ids);
+    return HYDRA_OK;
+}
+
+/* Reads a tree without rows; to be freed whatever comes of it. sound: false: it is damaged. */
+HYI_FN hydra_result hyi_get_tree(hydra_context *context, hyi_bytes *in, hyi_tree_record *record, hyi_bvh *bvh, bool *sound) {
+    memset(bvh, 0, sizeof *bvh);
+    *sound = hyi_get(in, record, 1, sizeof *record) && hyi_check_record(record);
+    /* no memory is asked for what the bytes cannot hold */
+    *sound = *sound && record->node_count <= in->left / sizeof(hyi_node) && record->slot_count <= in->left / sizeof(uint32_t);
+    if (!*sound) return HYDRA_OK;
+    bvh->node_count = record->node_count;
+    bvh->slot_count = record->slot_count;
+    bvh->primitive_count = record->primitive_count;
+    bvh->root = record->root;
+    bvh->scale = record->scale;
+    HYI_TRY(hyi_get_arrays(context, in, bvh, sound));
+    return *sound ? hyi_check_tree(context, bvh, record->triangle_count, sound) : HYDRA_OK;
+}
+
+/* ---- adopting: rows, bounds and counts from the triangles */
+
+HYI_FN void hyi_adopt_chunk(void *argument, uint32_t chunk) {
+    hyi_refit *refit = (hyi_refit *)argument;
+    hyi_refit_sum sum = hyi_refit_nothing();
+    uint32_t end = hyi_chunk_end(chunk, refit->bvh->node_count);
+    for (uint32_t n = chunk * HYI_BUILD_CHUNK; n < end; n++) {
+        for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+            uint32_t child = hyi_node_child(refit->bvh, n, c);
+            if (child == HYI_CHILD_NONE) break;
+            if (hyi_child_is_leaf(child)) (void)hyi_refit_leaf(refit, child, &sum);
+        }
+    }
+    refit->parts[chunk].sum = sum;
+}
+
+HYI_FN hyi_refit_sum hyi_adopt_leaves(hyi_refit *refit) {
+    hyi_refit_sum sum = hyi_refit_nothing();
+    if (hyi_child_is_leaf(refit->bvh->root)) (void)hyi_refit_leaf(refit, refit->bvh->root, &sum);
+    hyi_parallel(refit->context, refit->part_count, hyi_adopt_chunk, refit);
+    for (uint32_t p = 0; p < refit->part_count; p++) hyi_refit_add(&sum, &refit->parts[p].sum);
+    return sum;
+}
+
+HYI_FN hydra_result hyi_adopt_steps(hyi_refit *refit, uint32_t triangle_count, bool *fits) {
+    hyi_bvh *bvh = refit->bvh;
+    bool lost;
+    memset(bvh->rows + 9u * (size_t)bvh->slot_count, 0, HYI_ROWS_PADDING * sizeof(float));
+    hyi_refit_sum sum = hyi_adopt_leaves(refit);
+    HYI_TRY(hyi_refit_census(refit, triangle_count, sum.collapsed, &lost));
+    hyi_box real = hyi_box_of(&sum.real);
+    *fits = !lost && !hyi_bounds_are_empty(&sum.real) && hyi_scale_serves(refit->scale, &real, true);
+    hyi_refit_finish(refit, &real);
+    bvh->bytes = (size_t)bvh->node_count * sizeof *bvh->nodes + (size_t)bvh->slot_count * sizeof *bvh->ids;
+    bvh->bytes += hyi_bvh_row_floats(bvh->slot_count) * sizeof *bvh->rows;
+    return HYDRA_OK;
+}
+
+/* Makes a tree that was read serve these triangles, of the number it was made for. fits false: it does not. On failure
+   it has no rows and is as it was. */
+HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions, const uint32_t *indices, uint32_t triangle_count,
+                                  hyi_bvh *bvh, bool *fits) {
+    hyi_refit refit;
+    memset(&refit, 0, sizeof refit);
+    refit.context = context;
+    refit.positions = positions;
+    refit.indices = indices;
+    refit.bvh = bvh;
+    refit.scale = bvh->scale;
+    refit.part_count = (bvh->node_count + HYI_BUILD_CHUNK - 1u) / HYI_BUILD_CHUNK;
+    *fits = false;
+    HYI_TRY(hyi_alloc_array(context, &refit.parts, refit.part_count));
+    hydra_result result = hyi_alloc_array(context, &bvh->rows, hyi_bvh_row_floats(bvh->slot_count));
+    if (result == HYDRA_OK) result = hyi_adopt_steps(&refit, triangle_count, fits);
+    hyi_free_array(context, &refit.parts, refit.part_count);
+    if (result != HYDRA_OK && bvh->rows) hyi_free_array(context, &bvh->rows, hyi_bvh_row_floats(bvh->slot_count));
+    return result;
+}
+
+#endif /* HYI_BVH_SAVE_H */
+
 /* >>bvh-triangle: a ray made ready for one tree, and the watertight triangle test
 
    Woop, Benthin, Wald 2013, "Watertight ray/triangle intersection", JCGT 2 (1). Corners are moved to the
@@ -12424,10 +13162,23 @@ typedef struct hyi_texture_slot {
     float mean[4]; /* of all texels, linear */
 } hyi_texture_slot;
 
+/* How good a tree over triangles is: see hyi_bvh_cost. */
+typedef struct hyi_quality {
+    float cost, cost_when_built;
+    bool refitted;
+} hyi_quality;
+
+/* A tree that waits for a commit that can use it. */
+typedef struct hyi_loaded_tree {
+    hyi_tree_record record;
+    hyi_bvh bvh; /* without rows; empty: it was taken, or refused */
+} hyi_loaded_tree;
+
 /* The arrays belong to the scene. */
 typedef struct hyi_mesh_slot {
     bool alive, instanced_only, dynamic;
     bool built;    /* bvh is there: instances and dynamic meshes have one of their own */
+    bool moved;    /* bvh is that of other positions */
     bool in_world; /* part of the scene's world tree as it stands */
     hydra_build build; /* FAST or BEST */
     uint32_t material; /* id; 0: the grey that needs no desc */
@@ -12437,6 +13188,7 @@ typedef struct hyi_mesh_slot {
     uint32_t *light_slots;  /* made by commit where only some triangles emit */
     uint32_t emitter_count; /* emitting triangles under the mesh's own materials */
     hyi_bvh bvh;
+    hyi_quality quality;
 } hyi_mesh_slot;
 
 typedef struct hyi_instance_slot {
@@ -12481,6 +13233,9 @@ struct hydra_scene {
     uint32_t environment_width, environment_height;
     bool environment_set;
 
+    hyi_loaded_tree *loaded; /* until the next commit that succeeds */
+    size_t loaded_count, loaded_capacity;
+
     /* Made by commit. */
     hyk_material *view_materials; /* by id; 0 is the default */
     hyk_texture *view_textures;
@@ -12496,7 +13251,8 @@ struct hydra_scene {
     hyi_bvh world;         /* over the first world_count of placed: unmoved and not dynamic */
     uint32_t *world_first; /* of each, its first triangle in world */
     size_t world_count;
-    bool world_stale;      /* a mesh left it */
+    bool world_stale;      /* a mesh left it, or moved */
+    hyi_quality world_quality;
     hyi_bvh top;
     hyk_light *all_lights;
     uint32_t *light_ids; /* hydra_light id of each, 0: a triangle */
@@ -12530,6 +13286,12 @@ HYI_FN hydra_result hyi_scene_editable(hydra_scene *scene, const void *desc, con
     if (scene->renders_living) return hyi_fail(scene->context, HYDRA_ERROR_BUSY, "%s: %u renders of the scene are alive", what, scene->renders_living);
     scene->editing = what;
     if (!desc) return hyi_reject(scene, hyi_fail(scene->context, HYDRA_ERROR_NULL, "%s: the desc", what));
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_check_committed(const hydra_scene *scene) {
+    if (!scene) return HYDRA_ERROR_NULL;
+    if (scene->dirty) return hyi_fail(scene->context, HYDRA_ERROR_NOT_COMMITTED, "call hydra_scene_commit first");
     return HYDRA_OK;
 }
 
@@ -12586,6 +13348,12 @@ HYI_FN void hyi_free_world(hydra_scene *scene) {
     for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = false;
 }
 
+HYI_FN void hyi_free_loaded(hydra_scene *scene) {
+    for (size_t i = 0; i < scene->loaded_count; i++) hyi_bvh_free(scene->context, &scene->loaded[i].bvh);
+    hyi_free_array(scene->context, &scene->loaded, scene->loaded_capacity);
+    scene->loaded_count = scene->loaded_capacity = 0;
+}
+
 HYI_FN void hyi_free_lights(hydra_scene *scene) {
     hydra_context *context = scene->context;
     hyi_free_array(context, &scene->all_lights, scene->all_light_count);
@@ -12615,6 +13383,7 @@ HYDRA_API hydra_result hydra_scene_destroy(hydra_scene *scene) {
     hyi_free_lights(scene);
     hyi_free_placement(scene);
     hyi_free_world(scene);
+    hyi_free_loaded(scene);
     hyi_free_tables(scene);
     hyi_free_environment(scene);
     for (size_t i = 0; i < scene->texture_count; i++) hyi_free_array(context, &scene->textures[i].texels, scene->textures[i].words);
@@ -12939,11 +13708,14 @@ HYI_FN hydra_result hyi_take_mesh(hydra_scene *scene, const hydra_mesh_desc *des
     return result;
 }
 
-HYI_FN hydra_result hyi_check_mesh_handle(hydra_scene *scene, hydra_mesh mesh, const char *what) {
+HYI_FN hydra_result hyi_check_mesh_handle(const hydra_scene *scene, hydra_mesh mesh, const char *what) {
     if (mesh.id == 0 || mesh.id > scene->mesh_count || !scene->meshes[mesh.id - 1].alive)
         return hyi_fail(scene->context, HYDRA_ERROR_HANDLE, "%s: mesh %u", what, mesh.id);
     return HYDRA_OK;
 }
+
+/* Whether the world tree is over it. */
+HYI_FN bool hyi_in_world(const hyi_mesh_slot *mesh) { return mesh->alive && !mesh->instanced_only && !mesh->dynamic; }
 
 HYI_FN void hyi_mesh_leave(hydra_scene *scene, hyi_mesh_slot *mesh) {
     if (mesh->in_world) scene->world_stale = true;
@@ -12980,6 +13752,63 @@ HYDRA_API hydra_result hydra_scene_remove_mesh(hydra_scene *scene, hydra_mesh me
         if (scene->instances[i].mesh == mesh.id - 1) scene->instances[i].alive = false;
     hyi_mesh_leave(scene, &scene->meshes[mesh.id - 1]);
     scene->dirty |= HYI_DIRTY_MESHES | HYI_DIRTY_PLACEMENT;
+    return HYDRA_OK;
+}
+
+/* ---- moved vertices */
+
+/* New values for an array of three floats a vertex that the mesh has. */
+HYI_FN hydra_result hyi_check_moved(hydra_context *context, const hyi_mesh_slot *mesh, const float *now, hydra_view view, const char *what) {
+    if (!now || view.count != mesh->vertex_count)
+        return hyi_fail(context, HYDRA_ERROR_COUNT, "%zu %s, the mesh has %u", view.count, what, now ? mesh->vertex_count : 0u);
+    HYI_TRY(hyi_check_view(context, view, 3 * sizeof(float), what));
+    for (size_t i = 0; i < view.count; i++) {
+        float element[3];
+        memcpy(element, hyi_view_at(view, sizeof element, i), sizeof element);
+        if (!hyi_all_finite(element, 3)) return hyi_fail(context, HYDRA_ERROR_NOT_FINITE, "%s: element %zu", what, i);
+    }
+    return HYDRA_OK;
+}
+
+HYI_FN void hyi_overwrite(float *now, hydra_view view) {
+    size_t size = 3 * sizeof(float);
+    if (view.stride == 0 || view.stride == size) memcpy(now, view.data, view.count * size);
+    else
+        for (size_t i = 0; i < view.count; i++) memcpy(now + 3 * i, hyi_view_at(view, size, i), size);
+}
+
+HYI_FN hydra_result hyi_check_move(hydra_scene *scene, hydra_mesh mesh, hydra_view positions, hydra_view normals) {
+    HYI_TRY(hyi_check_mesh_handle(scene, mesh, "hydra_scene_move_vertices"));
+    const hyi_mesh_slot *slot = &scene->meshes[mesh.id - 1];
+    HYI_TRY(hyi_check_moved(scene->context, slot, slot->positions, positions, "positions"));
+    if (!normals.data && !normals.count) return HYDRA_OK;
+    return hyi_check_moved(scene->context, slot, slot->normals, normals, "normals");
+}
+
+/* What was built over the mesh is to be built again. */
+HYI_FN void hyi_mesh_outdated(hydra_scene *scene, hyi_mesh_slot *mesh) {
+    hyi_bvh_free(scene->context, &mesh->bvh);
+    mesh->built = mesh->moved = false;
+    if (mesh->in_world) scene->world_stale = true;
+    scene->dirty |= HYI_DIRTY_MESHES | HYI_DIRTY_PLACEMENT;
+}
+
+HYDRA_API hydra_result hydra_scene_move_vertices(hydra_scene *scene, hydra_mesh mesh, hydra_view positions, hydra_view normals) {
+    HYI_TRY(hyi_scene_editable(scene, scene, "hydra_scene_move_vertices"));
+    HYI_TRY(hyi_reject(scene, hyi_check_move(scene, mesh, positions, normals)));
+    hyi_mesh_slot *slot = &scene->meshes[mesh.id - 1];
+    hyi_overwrite(slot->positions, positions);
+    if (normals.count) hyi_overwrite(slot->normals, normals);
+    if (!slot->dynamic) hyi_mesh_outdated(scene, slot);
+    slot->moved = slot->built;
+    scene->dirty |= HYI_DIRTY_MESHES | HYI_DIRTY_PLACEMENT;
+    return HYDRA_OK;
+}
+
+HYDRA_API hydra_result hydra_scene_rebuild_mesh(hydra_scene *scene, hydra_mesh mesh) {
+    HYI_TRY(hyi_scene_editable(scene, scene, "hydra_scene_rebuild_mesh"));
+    HYI_TRY(hyi_reject(scene, hyi_check_mesh_handle(scene, mesh, "hydra_scene_rebuild_mesh")));
+    hyi_mesh_outdated(scene, &scene->meshes[mesh.id - 1]);
     return HYDRA_OK;
 }
 
@@ -13072,6 +13901,379 @@ HYDRA_API hydra_result hydra_scene_remove_instance(hydra_scene *scene, hydra_ins
 }
 
 #endif /* HYI_MESHES_H */
+
+/* >>scene-trees: the trees over meshes: loaded, built, or fitted to vertices that moved; and saved
+
+   A tree is known by the hash of what it was built from, not by the mesh or scene it served. */
+#ifndef HYI_TREES_H
+#define HYI_TREES_H
+
+/* ---- what a tree is built from */
+
+typedef struct hyi_tree_source {
+    const float *positions;
+    const uint32_t *indices;
+    uint32_t triangle_count;
+    hydra_build build;
+    uint64_t fingerprint; /* 0: no loaded tree can be meant */
+} hyi_tree_source;
+
+HYI_FN uint64_t hyi_mix_mesh(uint64_t hash, const hyi_mesh_slot *mesh) {
+    const uint32_t counts[2] = { mesh->vertex_count, mesh->triangle_count };
+    hash = hyi_hash(hash, counts, sizeof counts);
+    hash = hyi_hash(hash, mesh->positions, (size_t)3 * mesh->vertex_count * sizeof *mesh->positions);
+    return hyi_hash(hash, mesh->indices, (size_t)3 * mesh->triangle_count * sizeof *mesh->indices);
+}
+
+HYI_FN uint64_t hyi_mesh_fingerprint(const hyi_mesh_slot *mesh) { return hyi_mix_mesh((uint64_t)mesh->build, mesh); }
+
+/* FAST only if all its meshes are. */
+HYI_FN hydra_build hyi_world_build(const hydra_scene *scene) {
+    for (size_t i = 0; i < scene->mesh_count; i++)
+        if (hyi_in_world(&scene->meshes[i]) && scene->meshes[i].build != HYDRA_BUILD_FAST) return HYDRA_BUILD_BEST;
+    return HYDRA_BUILD_FAST;
+}
+
+HYI_FN uint64_t hyi_world_fingerprint(const hydra_scene *scene) {
+    uint64_t hash = (uint64_t)hyi_world_build(scene);
+    for (size_t i = 0; i < scene->mesh_count; i++)
+        if (hyi_in_world(&scene->meshes[i])) hash = hyi_mix_mesh(hash, &scene->meshes[i]);
+    return hash;
+}
+
+/* Hashing is left out where it can lead to nothing. */
+HYI_FN bool hyi_expects_loaded(const hydra_scene *scene, size_t triangle_count) {
+    bool expects = false;
+    for (size_t i = 0; i < scene->loaded_count; i++)
+        expects = expects || (scene->loaded[i].bvh.ids && scene->loaded[i].record.triangle_count == triangle_count);
+    return expects;
+}
+
+/* ---- a tree: the loaded one that fits, else a new one */
+
+HYI_FN hydra_result hyi_take_loaded(hydra_scene *scene, const hyi_tree_source *source, hyi_bvh *bvh, hyi_quality *quality, bool *taken) {
+    *taken = false;
+    for (size_t i = 0; i < scene->loaded_count && !*taken; i++) {
+        hyi_loaded_tree *loaded = &scene->loaded[i];
+        if (!loaded->bvh.ids || loaded->record.triangle_count != source->triangle_count) continue;
+        if (loaded->record.fingerprint != source->fingerprint) continue;
+        HYI_TRY(hyi_bvh_adopt(scene->context, source->positions, source->indices, source->triangle_count, &loaded->bvh, taken));
+        if (!*taken) hyi_bvh_free(scene->context, &loaded->bvh);
+        *bvh = loaded->bvh;
+        memset(&loaded->bvh, 0, sizeof loaded->bvh);
+        quality->cost = hyi_bvh_cost(bvh);
+        quality->cost_when_built = loaded->record.cost_when_built;
+        quality->refitted = loaded->record.refitted != 0;
+    }
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_make_tree(hydra_scene *scene, const hyi_tree_source *source, hyi_bvh *bvh, hyi_quality *quality) {
+    bool taken = false;
+    if (source->fingerprint) HYI_TRY(hyi_take_loaded(scene, source, bvh, quality, &taken));
+    if (taken) {
+        scene->info.trees_loaded++;
+        return HYDRA_OK;
+    }
+    HYI_TRY(hyi_bvh_build_triangles(scene->context, source->positions, source->indices, source->triangle_count, source->build, bvh));
+    quality->cost = quality->cost_when_built = hyi_bvh_cost(bvh);
+    quality->refitted = false;
+    scene->info.meshes_built++;
+    return HYDRA_OK;
+}
+
+/* ---- trees of single meshes */
+
+/* Marks the meshes that need a tree of their own. */
+HYI_FN hydra_result hyi_mark_own_trees(hydra_scene *scene, uint8_t **marks) {
+    HYI_TRY(hyi_alloc_array(scene->context, marks, scene->mesh_count));
+    for (size_t i = 0; i < scene->mesh_count; i++)
+        (*marks)[i] = scene->meshes[i].alive && !scene->meshes[i].instanced_only && scene->meshes[i].dynamic ? 1 : 0;
+    for (size_t i = 0; i < scene->instance_count; i++)
+        if (scene->instances[i].alive) (*marks)[scene->instances[i].mesh] = 1;
+    return HYDRA_OK;
+}
+
+/* A tree that cannot be refitted goes. After an error it waits for another try. */
+HYI_FN hydra_result hyi_refit_own_tree(hydra_scene *scene, hyi_mesh_slot *mesh) {
+    bool fits;
+    HYI_TRY(hyi_bvh_refit(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, &mesh->bvh, &fits, &mesh->quality.cost));
+    if (!fits) hyi_bvh_free(scene->context, &mesh->bvh);
+    mesh->built = mesh->quality.refitted = fits;
+    mesh->moved = false;
+    scene->info.meshes_refitted += fits ? 1u : 0u;
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_make_own_tree(hydra_scene *scene, hyi_mesh_slot *mesh) {
+    hyi_tree_source source;
+    source.positions = mesh->positions;
+    source.indices = mesh->indices;
+    source.triangle_count = mesh->triangle_count;
+    source.build = mesh->build;
+    source.fingerprint = hyi_expects_loaded(scene, mesh->triangle_count) ? hyi_mesh_fingerprint(mesh) : 0u;
+    HYI_TRY(hyi_make_tree(scene, &source, &mesh->bvh, &mesh->quality));
+    mesh->built = true;
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_commit_own_trees(hydra_scene *scene) {
+    uint8_t *marks;
+    HYI_TRY(hyi_mark_own_trees(scene, &marks));
+    hydra_result result = HYDRA_OK;
+    for (size_t i = 0; i < scene->mesh_count && result == HYDRA_OK; i++) {
+        hyi_mesh_slot *mesh = &scene->meshes[i];
+        if (mesh->built && mesh->moved) result = hyi_refit_own_tree(scene, mesh);
+        if (result == HYDRA_OK && !mesh->built && marks[i]) result = hyi_make_own_tree(scene, mesh);
+    }
+    hyi_free_array(scene->context, &marks, scene->mesh_count);
+    return result;
+}
+
+/* ---- the tree over all meshes that stand unmoved */
+
+/* All meshes of the world behind each other, for the time of the build. */
+typedef struct hyi_world_arrays {
+    float *positions;
+    uint32_t *indices;
+    size_t vertices, triangles;
+} hyi_world_arrays;
+
+HYI_FN void hyi_fill_world(const hydra_scene *scene, hyi_world_arrays *w) {
+    size_t vertex = 0, triangle = 0;
+    for (size_t i = 0; i < scene->mesh_count; i++) {
+        const hyi_mesh_slot *mesh = &scene->meshes[i];
+        if (!hyi_in_world(mesh)) continue;
+        memcpy(w->positions + 3 * vertex, mesh->positions, (size_t)3 * mesh->vertex_count * sizeof *w->positions);
+        for (size_t c = 0; c < (size_t)3 * mesh->triangle_count; c++) w->indices[3 * triangle + c] = mesh->indices[c] + (uint32_t)vertex;
+        vertex += mesh->vertex_count;
+        triangle += mesh->triangle_count;
+    }
+}
+
+HYI_FN hydra_result hyi_make_world_tree(hydra_scene *scene, const float *positions, const uint32_t *indices, size_t triangles) {
+    hyi_tree_source source;
+    source.positions = positions;
+    source.indices = indices;
+    source.triangle_count = (uint32_t)triangles;
+    source.build = hyi_world_build(scene);
+    source.fingerprint = hyi_expects_loaded(scene, triangles) ? hyi_world_fingerprint(scene) : 0u;
+    return hyi_make_tree(scene, &source, &scene->world, &scene->world_quality);
+}
+
+HYI_FN hydra_result hyi_make_joined_world(hydra_scene *scene, hyi_world_arrays *w) {
+    hydra_context *context = scene->context;
+    if (w->vertices > UINT32_MAX || w->triangles > UINT32_MAX)
+        return hyi_fail(context, HYDRA_ERROR_COUNT, "%zu vertices and %zu triangles in meshes that are not dynamic", w->vertices, w->triangles);
+    HYI_TRY(hyi_alloc_array(context, &w->positions, 3 * w->vertices));
+    hydra_result result = hyi_alloc_array(context, &w->indices, 3 * w->triangles);
+    if (result == HYDRA_OK) {
+        hyi_fill_world(scene, w);
+        result = hyi_make_world_tree(scene, w->positions, w->indices, w->triangles);
+    }
+    hyi_free_array(context, &w->positions, 3 * w->vertices);
+    hyi_free_array(context, &w->indices, 3 * w->triangles);
+    return result;
+}
+
+HYI_FN bool hyi_world_is_fresh(const hydra_scene *scene) {
+    bool fresh = !scene->world_stale;
+    for (size_t i = 0; i < scene->mesh_count; i++) fresh = fresh && scene->meshes[i].in_world == hyi_in_world(&scene->meshes[i]);
+    return fresh;
+}
+
+/* From a mesh's own arrays where there is only one. */
+HYI_FN hydra_result hyi_commit_world(hydra_scene *scene) {
+    hyi_world_arrays w = { NULL, NULL, 0, 0 };
+    const hyi_mesh_slot *only = NULL;
+    size_t count = 0, at = 0;
+    for (size_t i = 0; i < scene->mesh_count; i++) count += hyi_in_world(&scene->meshes[i]) ? 1u : 0u;
+    hyi_free_world(scene);
+    HYI_TRY(hyi_alloc_array(scene->context, &scene->world_first, count));
+    scene->world_count = count;
+    for (size_t i = 0; i < scene->mesh_count; i++) {
+        if (!hyi_in_world(&scene->meshes[i])) continue;
+        only = &scene->meshes[i];
+        scene->world_first[at++] = (uint32_t)w.triangles;
+        w.vertices += only->vertex_count;
+        w.triangles += only->triangle_count;
+    }
+    if (count == 1) HYI_TRY(hyi_make_world_tree(scene, only->positions, only->indices, only->triangle_count));
+    if (count > 1) HYI_TRY(hyi_make_joined_world(scene, &w));
+    for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = hyi_in_world(&scene->meshes[i]);
+    scene->world_stale = false;
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_commit_trees(hydra_scene *scene) {
+    double start = hyi_seconds();
+    HYI_TRY(hyi_commit_own_trees(scene));
+    if (!hyi_world_is_fresh(scene)) HYI_TRY(hyi_commit_world(scene));
+    scene->info.build_seconds += hyi_seconds() - start;
+    return HYDRA_OK;
+}
+
+/* ---- what became of them */
+
+/* Measured on a torus of 65 536 triangles that was twisted, bent, made to ripple and jittered: where the cost had grown by
+   half, rays took 1.1 to 1.4 times as long as on a tree built for that shape; at four times, 2 to 2.5. Below half a build
+   gained little. Triangles that no tree can part (jitter) made the cost grow tenfold and a build gain 1.2. */
+#define HYI_REBUILD_PAYS 1.5f
+
+/* A tree as it stands, with what it was made from: the world's, or of a mesh. */
+typedef struct hyi_kept_tree {
+    const hyi_bvh *bvh;
+    const hyi_quality *quality;
+    const hyi_mesh_slot *mesh; /* NULL: the world */
+} hyi_kept_tree;
+
+HYI_FN hyi_kept_tree hyi_world_tree(const hydra_scene *scene) {
+    hyi_kept_tree tree;
+    tree.bvh = &scene->world;
+    tree.quality = &scene->world_quality;
+    tree.mesh = NULL;
+    return tree;
+}
+
+HYI_FN hyi_kept_tree hyi_own_tree(const hyi_mesh_slot *mesh) {
+    hyi_kept_tree tree;
+    tree.bvh = &mesh->bvh;
+    tree.quality = &mesh->quality;
+    tree.mesh = mesh;
+    return tree;
+}
+
+HYI_FN uint64_t hyi_count_degenerate(const hyi_mesh_slot *mesh) {
+    uint64_t count = 0;
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        const uint32_t *index = mesh->indices + (size_t)3 * t;
+        const float *p = mesh->positions;
+        count += hyi_triangle_is_degenerate(p + (size_t)3 * index[0], p + (size_t)3 * index[1], p + (size_t)3 * index[2]) ? 1u : 0u;
+    }
+    return count;
+}
+
+HYDRA_API hydra_result hydra_scene_get_mesh_info(const hydra_scene *scene, hydra_mesh mesh, hydra_mesh_info *info) {
+    HYI_TRY(hyi_check_committed(scene));
+    if (!info) return hyi_fail(scene->context, HYDRA_ERROR_NULL, "info");
+    HYI_TRY(hyi_check_mesh_handle(scene, mesh, "hydra_scene_get_mesh_info"));
+    const hyi_mesh_slot *slot = &scene->meshes[mesh.id - 1];
+    hyi_kept_tree tree = slot->built || !slot->in_world ? hyi_own_tree(slot) : hyi_world_tree(scene);
+    memset(info, 0, sizeof *info);
+    info->triangles = slot->triangle_count;
+    info->degenerate = slot->built ? slot->bvh.degenerate : hyi_count_degenerate(slot);
+    info->shared = !tree.mesh;
+    info->bytes_bvh = tree.bvh->bytes;
+    if (tree.bvh->primitive_count == 0) return HYDRA_OK;
+    info->cost = tree.quality->cost;
+    info->cost_when_built = tree.quality->cost_when_built;
+    info->refitted = tree.quality->refitted;
+    info->rebuild_advised = info->refitted && info->cost > HYI_REBUILD_PAYS * info->cost_when_built;
+    return HYDRA_OK;
+}
+
+/* ---- save */
+
+/* The i-th of all trees that may be there, of which mesh_count + 1; false: there is none, or nothing in it. */
+HYI_FN bool hyi_tree_to_save(const hydra_scene *scene, size_t i, hyi_kept_tree *tree) {
+    *tree = i == 0 ? hyi_world_tree(scene) : hyi_own_tree(&scene->meshes[i - 1]);
+    return tree->bvh->primitive_count != 0;
+}
+
+HYI_FN hyi_trees_header hyi_describe_trees(const hydra_scene *scene) {
+    hyi_trees_header header;
+    hyi_kept_tree tree;
+    memset(&header, 0, sizeof header);
+    header.magic = HYI_TREES_MAGIC;
+    header.version = HYI_TREES_VERSION;
+    header.layout = hyi_trees_layout();
+    header.size = sizeof header;
+    for (size_t i = 0; i <= scene->mesh_count; i++) {
+        if (!hyi_tree_to_save(scene, i, &tree)) continue;
+        header.size += hyi_tree_bytes(tree.bvh);
+        header.tree_count++;
+    }
+    return header;
+}
+
+HYI_FN unsigned char *hyi_save_tree(unsigned char *out, const hydra_scene *scene, const hyi_kept_tree *tree) {
+    hyi_tree_record record;
+    memset(&record, 0, sizeof record);
+    record.fingerprint = tree->mesh ? hyi_mesh_fingerprint(tree->mesh) : hyi_world_fingerprint(scene);
+    if (tree->mesh) record.triangle_count = tree->mesh->triangle_count;
+    for (size_t i = 0; !tree->mesh && i < scene->mesh_count; i++)
+        if (scene->meshes[i].in_world) record.triangle_count += scene->meshes[i].triangle_count;
+    record.cost_when_built = tree->quality->cost_when_built;
+    record.refitted = tree->quality->refitted ? 1u : 0u;
+    return hyi_put_tree(out, tree->bvh, record);
+}
+
+HYDRA_API hydra_result hydra_scene_save_trees(const hydra_scene *scene, void *buffer, size_t *size) {
+    HYI_TRY(hyi_check_committed(scene));
+    if (!size) return hyi_fail(scene->context, HYDRA_ERROR_NULL, "size");
+    hyi_trees_header header = hyi_describe_trees(scene);
+    size_t room = *size;
+    *size = (size_t)header.size;
+    if (!buffer) return HYDRA_OK;
+    if (room < *size) return hyi_fail(scene->context, HYDRA_ERROR_BUFFER, "%zu bytes for trees of %zu", room, *size);
+    hyi_kept_tree tree;
+    unsigned char *begin = (unsigned char *)buffer, *out = hyi_put(begin, &header, sizeof header);
+    for (size_t i = 0; i <= scene->mesh_count; i++)
+        if (hyi_tree_to_save(scene, i, &tree)) out = hyi_save_tree(out, scene, &tree);
+    header.checksum = hyi_hash(HYI_TREES_MAGIC, begin + HYI_TREES_CHECKED_FROM, *size - HYI_TREES_CHECKED_FROM);
+    (void)hyi_put(begin, &header, sizeof header);
+    return HYDRA_OK;
+}
+
+/* ---- load */
+
+HYI_FN hydra_result hyi_check_trees_header(hydra_context *context, const unsigned char *data, size_t size, hyi_trees_header *header) {
+    if (size < sizeof *header) return hyi_fail(context, HYDRA_ERROR_TREE_FORMAT, "%zu bytes", size);
+    memcpy(header, data, sizeof *header);
+    if (header->magic != HYI_TREES_MAGIC) return hyi_fail(context, HYDRA_ERROR_TREE_FORMAT, "these are no trees, or of another byte order");
+    if (header->version != HYI_TREES_VERSION)
+        return hyi_fail(context, HYDRA_ERROR_TREE_FORMAT, "version %u, this is version %u", header->version, HYI_TREES_VERSION);
+    if (header->size != size) return hyi_fail(context, HYDRA_ERROR_TREE_FORMAT, "%zu bytes of %llu", size, (unsigned long long)header->size);
+    if (header->checksum != hyi_hash(HYI_TREES_MAGIC, data + HYI_TREES_CHECKED_FROM, size - HYI_TREES_CHECKED_FROM))
+        return hyi_fail(context, HYDRA_ERROR_TREE_FORMAT, "the checksum does not fit");
+    if (header->layout != hyi_trees_layout()) return hyi_fail(context, HYDRA_ERROR_TREE_FORMAT, "nodes of another layout");
+    return HYDRA_OK;
+}
+
+/* Reads one tree behind those that are there. */
+HYI_FN hydra_result hyi_load_tree(hydra_scene *scene, hyi_bytes *in) {
+    HYI_TRY(hyi_grow_array(scene->context, &scene->loaded, &scene->loaded_capacity, scene->loaded_count + 1));
+    hyi_loaded_tree *loaded = &scene->loaded[scene->loaded_count];
+    bool sound;
+    hydra_result result = hyi_get_tree(scene->context, in, &loaded->record, &loaded->bvh, &sound);
+    if (result == HYDRA_OK && !sound) result = hyi_fail(scene->context, HYDRA_ERROR_TREE_FORMAT, "tree %zu is impossible", scene->loaded_count);
+    if (result != HYDRA_OK) hyi_bvh_free(scene->context, &loaded->bvh);
+    else scene->loaded_count++;
+    return result;
+}
+
+HYI_FN hydra_result hyi_load_all(hydra_scene *scene, hyi_bytes *in, uint32_t tree_count) {
+    for (uint32_t i = 0; i < tree_count; i++) HYI_TRY(hyi_load_tree(scene, in));
+    return in->left == 0 ? HYDRA_OK : hyi_fail(scene->context, HYDRA_ERROR_TREE_FORMAT, "%zu bytes too many", in->left);
+}
+
+HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *data, size_t size) {
+    HYI_TRY(hyi_scene_editable(scene, scene, "hydra_scene_load_trees"));
+    if (!data) return hyi_fail(scene->context, HYDRA_ERROR_NULL, "data");
+    hyi_trees_header header;
+    hyi_bytes in;
+    in.at = (const unsigned char *)data;
+    in.left = size;
+    HYI_TRY(hyi_check_trees_header(scene->context, in.at, size, &header));
+    in.at += sizeof header;
+    in.left -= sizeof header;
+    size_t before = scene->loaded_count;
+    hydra_result result = hyi_load_all(scene, &in, header.tree_count);
+    while (result != HYDRA_OK && scene->loaded_count > before) hyi_bvh_free(scene->context, &scene->loaded[--scene->loaded_count].bvh);
+    return result;
+}
+
+#endif /* HYI_TREES_H */
 
 /* >>scene-textures: copies of texels and their mip pyramids */
 #ifndef HYI_TEXTURES_H
@@ -14585,114 +15787,6 @@ HYI_FN hydra_result hyi_commit_lights(hydra_scene *scene) {
 #ifndef HYI_COMMIT_H
 #define HYI_COMMIT_H
 
-/* ---- meshes: each BVH that is not there yet */
-
-HYI_FN bool hyi_in_world(const hyi_mesh_slot *mesh) { return mesh->alive && !mesh->instanced_only && !mesh->dynamic; }
-
-/* FAST only if all its meshes are. */
-HYI_FN hydra_build hyi_world_build(const hydra_scene *scene) {
-    for (size_t i = 0; i < scene->mesh_count; i++)
-        if (hyi_in_world(&scene->meshes[i]) && scene->meshes[i].build != HYDRA_BUILD_FAST) return HYDRA_BUILD_BEST;
-    return HYDRA_BUILD_FAST;
-}
-
-/* Marks the meshes that need a tree of their own. */
-HYI_FN hydra_result hyi_mark_own_trees(hydra_scene *scene, uint8_t **marks) {
-    HYI_TRY(hyi_alloc_array(scene->context, marks, scene->mesh_count));
-    for (size_t i = 0; i < scene->mesh_count; i++)
-        (*marks)[i] = scene->meshes[i].alive && !scene->meshes[i].instanced_only && scene->meshes[i].dynamic ? 1 : 0;
-    for (size_t i = 0; i < scene->instance_count; i++)
-        if (scene->instances[i].alive) (*marks)[scene->instances[i].mesh] = 1;
-    return HYDRA_OK;
-}
-
-HYI_FN hydra_result hyi_build_own_trees(hydra_scene *scene) {
-    uint8_t *marks;
-    HYI_TRY(hyi_mark_own_trees(scene, &marks));
-    hydra_result result = HYDRA_OK;
-    for (size_t i = 0; i < scene->mesh_count && result == HYDRA_OK; i++) {
-        hyi_mesh_slot *mesh = &scene->meshes[i];
-        if (!marks[i] || mesh->built) continue;
-        result = hyi_bvh_build_triangles(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, mesh->build, &mesh->bvh);
-        mesh->built = result == HYDRA_OK;
-        scene->info.meshes_built++;
-    }
-    hyi_free_array(scene->context, &marks, scene->mesh_count);
-    return result;
-}
-
-/* All meshes of the world behind each other, for the time of the build. */
-typedef struct hyi_world_arrays {
-    float *positions;
-    uint32_t *indices;
-    size_t vertices, triangles;
-} hyi_world_arrays;
-
-HYI_FN void hyi_fill_world(const hydra_scene *scene, hyi_world_arrays *w) {
-    size_t vertex = 0, triangle = 0;
-    for (size_t i = 0; i < scene->mesh_count; i++) {
-        const hyi_mesh_slot *mesh = &scene->meshes[i];
-        if (!hyi_in_world(mesh)) continue;
-        memcpy(w->positions + 3 * vertex, mesh->positions, (size_t)3 * mesh->vertex_count * sizeof *w->positions);
-        for (size_t c = 0; c < (size_t)3 * mesh->triangle_count; c++) w->indices[3 * triangle + c] = mesh->indices[c] + (uint32_t)vertex;
-        vertex += mesh->vertex_count;
-        triangle += mesh->triangle_count;
-    }
-}
-
-HYI_FN hydra_result hyi_build_joined_world(hydra_scene *scene, hyi_world_arrays *w) {
-    hydra_context *context = scene->context;
-    if (w->vertices > UINT32_MAX || w->triangles > UINT32_MAX)
-        return hyi_fail(context, HYDRA_ERROR_COUNT, "%zu vertices and %zu triangles in meshes that are not dynamic", w->vertices, w->triangles);
-    HYI_TRY(hyi_alloc_array(context, &w->positions, 3 * w->vertices));
-    hydra_result result = hyi_alloc_array(context, &w->indices, 3 * w->triangles);
-    if (result == HYDRA_OK) {
-        hyi_fill_world(scene, w);
-        result = hyi_bvh_build_triangles(context, w->positions, w->indices, (uint32_t)w->triangles, hyi_world_build(scene), &scene->world);
-    }
-    hyi_free_array(context, &w->positions, 3 * w->vertices);
-    hyi_free_array(context, &w->indices, 3 * w->triangles);
-    return result;
-}
-
-HYI_FN bool hyi_world_is_fresh(const hydra_scene *scene) {
-    bool fresh = !scene->world_stale;
-    for (size_t i = 0; i < scene->mesh_count; i++) fresh = fresh && scene->meshes[i].in_world == hyi_in_world(&scene->meshes[i]);
-    return fresh;
-}
-
-/* The tree over all meshes that stand unmoved: built from a mesh's own arrays where there is only one. */
-HYI_FN hydra_result hyi_build_world(hydra_scene *scene) {
-    hyi_world_arrays w = { NULL, NULL, 0, 0 };
-    const hyi_mesh_slot *only = NULL;
-    size_t count = 0, at = 0;
-    for (size_t i = 0; i < scene->mesh_count; i++) count += hyi_in_world(&scene->meshes[i]) ? 1u : 0u;
-    hyi_free_world(scene);
-    HYI_TRY(hyi_alloc_array(scene->context, &scene->world_first, count));
-    scene->world_count = count;
-    for (size_t i = 0; i < scene->mesh_count; i++) {
-        if (!hyi_in_world(&scene->meshes[i])) continue;
-        only = &scene->meshes[i];
-        scene->world_first[at++] = (uint32_t)w.triangles;
-        w.vertices += only->vertex_count;
-        w.triangles += only->triangle_count;
-    }
-    if (count == 1) HYI_TRY(hyi_bvh_build_triangles(scene->context, only->positions, only->indices, only->triangle_count, hyi_world_build(scene), &scene->world));
-    if (count > 1) HYI_TRY(hyi_build_joined_world(scene, &w));
-    for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = hyi_in_world(&scene->meshes[i]);
-    scene->world_stale = false;
-    scene->info.meshes_built += count ? 1u : 0u;
-    return HYDRA_OK;
-}
-
-HYI_FN hydra_result hyi_commit_meshes(hydra_scene *scene) {
-    double start = hyi_seconds();
-    HYI_TRY(hyi_build_own_trees(scene));
-    if (!hyi_world_is_fresh(scene)) HYI_TRY(hyi_build_world(scene));
-    scene->info.build_seconds += hyi_seconds() - start;
-    return HYDRA_OK;
-}
-
 /* ---- materials and textures */
 
 HYI_FN hydra_result hyi_commit_materials(hydra_scene *scene) {
@@ -15000,9 +16094,9 @@ HYI_FN void hyi_commit_info(hydra_scene *scene) {
 /* ---- the call */
 
 HYI_FN hydra_result hyi_commit_parts(hydra_scene *scene) {
-    scene->info.meshes_built = 0;
+    scene->info.meshes_built = scene->info.meshes_refitted = scene->info.trees_loaded = 0;
     scene->info.build_seconds = 0.0;
-    if (scene->dirty & (HYI_DIRTY_PLACEMENT | HYI_DIRTY_MESHES)) HYI_TRY(hyi_commit_meshes(scene)); /* a first instance asks for a tree */
+    if (scene->dirty & (HYI_DIRTY_PLACEMENT | HYI_DIRTY_MESHES)) HYI_TRY(hyi_commit_trees(scene)); /* a first instance asks for a tree */
     if (scene->dirty & (HYI_DIRTY_PLACEMENT | HYI_DIRTY_MESHES)) HYI_TRY(hyi_commit_placement(scene));
     if (scene->dirty & HYI_DIRTY_MATERIALS) HYI_TRY(hyi_commit_materials(scene));
     if (scene->dirty & ~HYI_DIRTY_ENVIRONMENT) {
@@ -15030,12 +16124,7 @@ HYDRA_API hydra_result hydra_scene_commit(hydra_scene *scene) {
     HYI_TRY(hyi_report_pending(scene));
     HYI_TRY(hyi_commit_parts(scene));
     scene->dirty = 0;
-    return HYDRA_OK;
-}
-
-HYI_FN hydra_result hyi_check_committed(const hydra_scene *scene) {
-    if (!scene) return HYDRA_ERROR_NULL;
-    if (scene->dirty) return hyi_fail(scene->context, HYDRA_ERROR_NOT_COMMITTED, "call hydra_scene_commit first");
+    hyi_free_loaded(scene);
     return HYDRA_OK;
 }
 

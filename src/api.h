@@ -132,6 +132,7 @@ extern "C" {
     X(HYDRA_ERROR_FILM_FORMAT, "the film data is damaged or of another version")                     \
     X(HYDRA_ERROR_FILM_MISMATCH, "the film belongs to another scene, sensor, size or seed")          \
     X(HYDRA_ERROR_FILM_OVERLAP, "both films hold the same samples")                                  \
+    X(HYDRA_ERROR_TREE_FORMAT, "the tree data is damaged, of another version or from another kind of machine") \
     X(HYDRA_ERROR_RAY, "a ray is not finite, has no direction, or t_min > t_max")                    \
     X(HYDRA_ERROR_THREADS, "no thread could be started")                                             \
     X(HYDRA_ERROR_ISA, "this machine or build lacks the instruction set asked for")                  \
@@ -318,8 +319,9 @@ typedef struct hydra_mesh_desc {
     hydra_view triangle_materials; /* hydra_material, one a triangle; none: material for all */
     hydra_material material;       /* none: Lambert 0.8 grey */
     bool instanced_only;    /* not in the scene by itself, only through instances */
-    bool dynamic;           /* will be edited: has a BVH of its own, so that an edit builds only that one again. The other
-                               meshes that stand by themselves share one, which rays pass faster */
+    bool dynamic;           /* will be edited: has a BVH of its own, so that an edit builds only that one again, and moved
+                               vertices none at all (see hydra_scene_move_vertices). The other meshes that stand by
+                               themselves share one, which rays pass faster */
     hydra_build build;      /* of its BVH; the shared one is FAST only if all its meshes say FAST */
 } hydra_mesh_desc;
 
@@ -330,6 +332,17 @@ HYDRA_API hydra_mesh hydra_scene_add_mesh(hydra_scene *scene, const hydra_mesh_d
 HYDRA_API hydra_result hydra_scene_update_mesh(hydra_scene *scene, hydra_mesh mesh, const hydra_mesh_desc *desc);
 /* Removes the mesh and all its instances. */
 HYDRA_API hydra_result hydra_scene_remove_mesh(hydra_scene *scene, hydra_mesh mesh);
+/* A deforming mesh: new positions, and normals, of the same vertices; triangles, uvs and materials stay. Each view holds
+   as many elements as the mesh has vertices (else HYDRA_ERROR_COUNT), float x, y, z. normals may be empty: the mesh keeps
+   its own; a mesh without normals takes none. Copied.
+   The next hydra_scene_commit refits the BVH of a dynamic mesh, its instances with it, in a fraction of the time of a
+   build: the tree keeps its shape and gets new boxes. Where that cannot serve (a triangle that had no area has one now,
+   or none has any), it builds. The trees of other meshes are built again. Hits are right whatever moves how; but the
+   farther a mesh is from the shape its tree was built for, the slower rays pass: see hydra_mesh_info.
+   On error nothing changes. */
+HYDRA_API hydra_result hydra_scene_move_vertices(hydra_scene *scene, hydra_mesh mesh, hydra_view positions, hydra_view normals);
+/* The next commit builds the BVH of the mesh from nothing: dynamic or instanced its own, else the shared one. */
+HYDRA_API hydra_result hydra_scene_rebuild_mesh(hydra_scene *scene, hydra_mesh mesh);
 
 typedef struct hydra_instance_desc {
     hydra_mesh mesh;
@@ -422,12 +435,41 @@ typedef struct hydra_scene_info {
     uint64_t degenerate;       /* dropped */
     uint64_t emitters;         /* lights and emitting triangles */
     double build_seconds;      /* of the last commit's BVH builds */
-    uint32_t meshes_built;     /* BVHs the last commit built over triangles, the shared one counted once; the others were kept */
+    uint32_t meshes_built;     /* BVHs the last commit built over triangles, the shared one counted once; */
+    uint32_t meshes_refitted;  /* those it fitted to moved vertices, */
+    uint32_t trees_loaded;     /* and those it took from hydra_scene_load_trees; the others were kept */
     size_t bytes_bvh, bytes_geometry, bytes_textures, bytes_materials, bytes_lights, bytes_environment, bytes_tables;
     float bounds_min[3], bounds_max[3]; /* of everything that rays can hit; both zero when empty */
 } hydra_scene_info;
 
 HYDRA_API hydra_result hydra_scene_get_info(const hydra_scene *scene, hydra_scene_info *info);
+
+/* A mesh and the BVH that rays pass to it: its own where it is dynamic or instanced, else the shared one. */
+typedef struct hydra_mesh_info {
+    uint64_t triangles;
+    uint64_t degenerate;   /* of these, without area: no ray hits them */
+    size_t bytes_bvh;      /* of the tree */
+    float cost;            /* of a ray that meets the tree's bounds and no triangle, in visits of nodes, as the surface area
+                              heuristic expects it; 0: there is no tree, or nothing in it */
+    float cost_when_built; /* the same, when the tree was built */
+    bool shared;           /* the tree is the shared one */
+    bool refitted;         /* since it was built */
+    bool rebuild_advised;  /* refits made the cost grow by more than half: a build pays if many rays follow */
+} hydra_mesh_info;
+
+/* The scene must be committed. */
+HYDRA_API hydra_result hydra_scene_get_mesh_info(const hydra_scene *scene, hydra_mesh mesh, hydra_mesh_info *info);
+
+/* Trees built once and kept in a file of yours. save writes all BVHs over triangles of a committed scene, of *size bytes;
+   with buffer NULL it only tells the size (HYDRA_ERROR_BUFFER: *size was too small, and tells it too).
+   load copies trees from such bytes: the next successful commit takes each one whose triangles are to be built over, to
+   the bit the same positions, indices and hydra_build; it builds the rest, and forgets trees that fit nothing. Hits are
+   the same, to the bit, as with the scene that saved them. Several loads before a commit add up.
+   The bytes are those of one version of the library and one kind of machine (byte order); of another, damaged or cut off
+   they give HYDRA_ERROR_TREE_FORMAT and nothing changes. Everything in them is checked: bytes made by an enemy can make
+   rays miss what is there, and no worse. Neither call touches a file. */
+HYDRA_API hydra_result hydra_scene_save_trees(const hydra_scene *scene, void *buffer, size_t *size);
+HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *data, size_t size);
 
 /* ---------------------------------------------------------------- ray queries
 

@@ -5,116 +5,8 @@
 #include "energy_tables.h"
 #include "lights.h"
 #include "materials.h"
-#include "meshes.h"
 #include "textures.h"
-
-/* ---- meshes: each BVH that is not there yet */
-
-HYI_FN bool hyi_in_world(const hyi_mesh_slot *mesh) { return mesh->alive && !mesh->instanced_only && !mesh->dynamic; }
-
-/* FAST only if all its meshes are. */
-HYI_FN hydra_build hyi_world_build(const hydra_scene *scene) {
-    for (size_t i = 0; i < scene->mesh_count; i++)
-        if (hyi_in_world(&scene->meshes[i]) && scene->meshes[i].build != HYDRA_BUILD_FAST) return HYDRA_BUILD_BEST;
-    return HYDRA_BUILD_FAST;
-}
-
-/* Marks the meshes that need a tree of their own. */
-HYI_FN hydra_result hyi_mark_own_trees(hydra_scene *scene, uint8_t **marks) {
-    HYI_TRY(hyi_alloc_array(scene->context, marks, scene->mesh_count));
-    for (size_t i = 0; i < scene->mesh_count; i++)
-        (*marks)[i] = scene->meshes[i].alive && !scene->meshes[i].instanced_only && scene->meshes[i].dynamic ? 1 : 0;
-    for (size_t i = 0; i < scene->instance_count; i++)
-        if (scene->instances[i].alive) (*marks)[scene->instances[i].mesh] = 1;
-    return HYDRA_OK;
-}
-
-HYI_FN hydra_result hyi_build_own_trees(hydra_scene *scene) {
-    uint8_t *marks;
-    HYI_TRY(hyi_mark_own_trees(scene, &marks));
-    hydra_result result = HYDRA_OK;
-    for (size_t i = 0; i < scene->mesh_count && result == HYDRA_OK; i++) {
-        hyi_mesh_slot *mesh = &scene->meshes[i];
-        if (!marks[i] || mesh->built) continue;
-        result = hyi_bvh_build_triangles(scene->context, mesh->positions, mesh->indices, mesh->triangle_count, mesh->build, &mesh->bvh);
-        mesh->built = result == HYDRA_OK;
-        scene->info.meshes_built++;
-    }
-    hyi_free_array(scene->context, &marks, scene->mesh_count);
-    return result;
-}
-
-/* All meshes of the world behind each other, for the time of the build. */
-typedef struct hyi_world_arrays {
-    float *positions;
-    uint32_t *indices;
-    size_t vertices, triangles;
-} hyi_world_arrays;
-
-HYI_FN void hyi_fill_world(const hydra_scene *scene, hyi_world_arrays *w) {
-    size_t vertex = 0, triangle = 0;
-    for (size_t i = 0; i < scene->mesh_count; i++) {
-        const hyi_mesh_slot *mesh = &scene->meshes[i];
-        if (!hyi_in_world(mesh)) continue;
-        memcpy(w->positions + 3 * vertex, mesh->positions, (size_t)3 * mesh->vertex_count * sizeof *w->positions);
-        for (size_t c = 0; c < (size_t)3 * mesh->triangle_count; c++) w->indices[3 * triangle + c] = mesh->indices[c] + (uint32_t)vertex;
-        vertex += mesh->vertex_count;
-        triangle += mesh->triangle_count;
-    }
-}
-
-HYI_FN hydra_result hyi_build_joined_world(hydra_scene *scene, hyi_world_arrays *w) {
-    hydra_context *context = scene->context;
-    if (w->vertices > UINT32_MAX || w->triangles > UINT32_MAX)
-        return hyi_fail(context, HYDRA_ERROR_COUNT, "%zu vertices and %zu triangles in meshes that are not dynamic", w->vertices, w->triangles);
-    HYI_TRY(hyi_alloc_array(context, &w->positions, 3 * w->vertices));
-    hydra_result result = hyi_alloc_array(context, &w->indices, 3 * w->triangles);
-    if (result == HYDRA_OK) {
-        hyi_fill_world(scene, w);
-        result = hyi_bvh_build_triangles(context, w->positions, w->indices, (uint32_t)w->triangles, hyi_world_build(scene), &scene->world);
-    }
-    hyi_free_array(context, &w->positions, 3 * w->vertices);
-    hyi_free_array(context, &w->indices, 3 * w->triangles);
-    return result;
-}
-
-HYI_FN bool hyi_world_is_fresh(const hydra_scene *scene) {
-    bool fresh = !scene->world_stale;
-    for (size_t i = 0; i < scene->mesh_count; i++) fresh = fresh && scene->meshes[i].in_world == hyi_in_world(&scene->meshes[i]);
-    return fresh;
-}
-
-/* The tree over all meshes that stand unmoved: built from a mesh's own arrays where there is only one. */
-HYI_FN hydra_result hyi_build_world(hydra_scene *scene) {
-    hyi_world_arrays w = { NULL, NULL, 0, 0 };
-    const hyi_mesh_slot *only = NULL;
-    size_t count = 0, at = 0;
-    for (size_t i = 0; i < scene->mesh_count; i++) count += hyi_in_world(&scene->meshes[i]) ? 1u : 0u;
-    hyi_free_world(scene);
-    HYI_TRY(hyi_alloc_array(scene->context, &scene->world_first, count));
-    scene->world_count = count;
-    for (size_t i = 0; i < scene->mesh_count; i++) {
-        if (!hyi_in_world(&scene->meshes[i])) continue;
-        only = &scene->meshes[i];
-        scene->world_first[at++] = (uint32_t)w.triangles;
-        w.vertices += only->vertex_count;
-        w.triangles += only->triangle_count;
-    }
-    if (count == 1) HYI_TRY(hyi_bvh_build_triangles(scene->context, only->positions, only->indices, only->triangle_count, hyi_world_build(scene), &scene->world));
-    if (count > 1) HYI_TRY(hyi_build_joined_world(scene, &w));
-    for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = hyi_in_world(&scene->meshes[i]);
-    scene->world_stale = false;
-    scene->info.meshes_built += count ? 1u : 0u;
-    return HYDRA_OK;
-}
-
-HYI_FN hydra_result hyi_commit_meshes(hydra_scene *scene) {
-    double start = hyi_seconds();
-    HYI_TRY(hyi_build_own_trees(scene));
-    if (!hyi_world_is_fresh(scene)) HYI_TRY(hyi_build_world(scene));
-    scene->info.build_seconds += hyi_seconds() - start;
-    return HYDRA_OK;
-}
+#include "trees.h"
 
 /* ---- materials and textures */
 
@@ -423,9 +315,9 @@ HYI_FN void hyi_commit_info(hydra_scene *scene) {
 /* ---- the call */
 
 HYI_FN hydra_result hyi_commit_parts(hydra_scene *scene) {
-    scene->info.meshes_built = 0;
+    scene->info.meshes_built = scene->info.meshes_refitted = scene->info.trees_loaded = 0;
     scene->info.build_seconds = 0.0;
-    if (scene->dirty & (HYI_DIRTY_PLACEMENT | HYI_DIRTY_MESHES)) HYI_TRY(hyi_commit_meshes(scene)); /* a first instance asks for a tree */
+    if (scene->dirty & (HYI_DIRTY_PLACEMENT | HYI_DIRTY_MESHES)) HYI_TRY(hyi_commit_trees(scene)); /* a first instance asks for a tree */
     if (scene->dirty & (HYI_DIRTY_PLACEMENT | HYI_DIRTY_MESHES)) HYI_TRY(hyi_commit_placement(scene));
     if (scene->dirty & HYI_DIRTY_MATERIALS) HYI_TRY(hyi_commit_materials(scene));
     if (scene->dirty & ~HYI_DIRTY_ENVIRONMENT) {
@@ -453,12 +345,7 @@ HYDRA_API hydra_result hydra_scene_commit(hydra_scene *scene) {
     HYI_TRY(hyi_report_pending(scene));
     HYI_TRY(hyi_commit_parts(scene));
     scene->dirty = 0;
-    return HYDRA_OK;
-}
-
-HYI_FN hydra_result hyi_check_committed(const hydra_scene *scene) {
-    if (!scene) return HYDRA_ERROR_NULL;
-    if (scene->dirty) return hyi_fail(scene->context, HYDRA_ERROR_NOT_COMMITTED, "call hydra_scene_commit first");
+    hyi_free_loaded(scene);
     return HYDRA_OK;
 }
 

@@ -91,11 +91,14 @@ HYI_FN hydra_result hyi_take_mesh(hydra_scene *scene, const hydra_mesh_desc *des
     return result;
 }
 
-HYI_FN hydra_result hyi_check_mesh_handle(hydra_scene *scene, hydra_mesh mesh, const char *what) {
+HYI_FN hydra_result hyi_check_mesh_handle(const hydra_scene *scene, hydra_mesh mesh, const char *what) {
     if (mesh.id == 0 || mesh.id > scene->mesh_count || !scene->meshes[mesh.id - 1].alive)
         return hyi_fail(scene->context, HYDRA_ERROR_HANDLE, "%s: mesh %u", what, mesh.id);
     return HYDRA_OK;
 }
+
+/* Whether the world tree is over it. */
+HYI_FN bool hyi_in_world(const hyi_mesh_slot *mesh) { return mesh->alive && !mesh->instanced_only && !mesh->dynamic; }
 
 HYI_FN void hyi_mesh_leave(hydra_scene *scene, hyi_mesh_slot *mesh) {
     if (mesh->in_world) scene->world_stale = true;
@@ -132,6 +135,63 @@ HYDRA_API hydra_result hydra_scene_remove_mesh(hydra_scene *scene, hydra_mesh me
         if (scene->instances[i].mesh == mesh.id - 1) scene->instances[i].alive = false;
     hyi_mesh_leave(scene, &scene->meshes[mesh.id - 1]);
     scene->dirty |= HYI_DIRTY_MESHES | HYI_DIRTY_PLACEMENT;
+    return HYDRA_OK;
+}
+
+/* ---- moved vertices */
+
+/* New values for an array of three floats a vertex that the mesh has. */
+HYI_FN hydra_result hyi_check_moved(hydra_context *context, const hyi_mesh_slot *mesh, const float *now, hydra_view view, const char *what) {
+    if (!now || view.count != mesh->vertex_count)
+        return hyi_fail(context, HYDRA_ERROR_COUNT, "%zu %s, the mesh has %u", view.count, what, now ? mesh->vertex_count : 0u);
+    HYI_TRY(hyi_check_view(context, view, 3 * sizeof(float), what));
+    for (size_t i = 0; i < view.count; i++) {
+        float element[3];
+        memcpy(element, hyi_view_at(view, sizeof element, i), sizeof element);
+        if (!hyi_all_finite(element, 3)) return hyi_fail(context, HYDRA_ERROR_NOT_FINITE, "%s: element %zu", what, i);
+    }
+    return HYDRA_OK;
+}
+
+HYI_FN void hyi_overwrite(float *now, hydra_view view) {
+    size_t size = 3 * sizeof(float);
+    if (view.stride == 0 || view.stride == size) memcpy(now, view.data, view.count * size);
+    else
+        for (size_t i = 0; i < view.count; i++) memcpy(now + 3 * i, hyi_view_at(view, size, i), size);
+}
+
+HYI_FN hydra_result hyi_check_move(hydra_scene *scene, hydra_mesh mesh, hydra_view positions, hydra_view normals) {
+    HYI_TRY(hyi_check_mesh_handle(scene, mesh, "hydra_scene_move_vertices"));
+    const hyi_mesh_slot *slot = &scene->meshes[mesh.id - 1];
+    HYI_TRY(hyi_check_moved(scene->context, slot, slot->positions, positions, "positions"));
+    if (!normals.data && !normals.count) return HYDRA_OK;
+    return hyi_check_moved(scene->context, slot, slot->normals, normals, "normals");
+}
+
+/* What was built over the mesh is to be built again. */
+HYI_FN void hyi_mesh_outdated(hydra_scene *scene, hyi_mesh_slot *mesh) {
+    hyi_bvh_free(scene->context, &mesh->bvh);
+    mesh->built = mesh->moved = false;
+    if (mesh->in_world) scene->world_stale = true;
+    scene->dirty |= HYI_DIRTY_MESHES | HYI_DIRTY_PLACEMENT;
+}
+
+HYDRA_API hydra_result hydra_scene_move_vertices(hydra_scene *scene, hydra_mesh mesh, hydra_view positions, hydra_view normals) {
+    HYI_TRY(hyi_scene_editable(scene, scene, "hydra_scene_move_vertices"));
+    HYI_TRY(hyi_reject(scene, hyi_check_move(scene, mesh, positions, normals)));
+    hyi_mesh_slot *slot = &scene->meshes[mesh.id - 1];
+    hyi_overwrite(slot->positions, positions);
+    if (normals.count) hyi_overwrite(slot->normals, normals);
+    if (!slot->dynamic) hyi_mesh_outdated(scene, slot);
+    slot->moved = slot->built;
+    scene->dirty |= HYI_DIRTY_MESHES | HYI_DIRTY_PLACEMENT;
+    return HYDRA_OK;
+}
+
+HYDRA_API hydra_result hydra_scene_rebuild_mesh(hydra_scene *scene, hydra_mesh mesh) {
+    HYI_TRY(hyi_scene_editable(scene, scene, "hydra_scene_rebuild_mesh"));
+    HYI_TRY(hyi_reject(scene, hyi_check_mesh_handle(scene, mesh, "hydra_scene_rebuild_mesh")));
+    hyi_mesh_outdated(scene, &scene->meshes[mesh.id - 1]);
     return HYDRA_OK;
 }
 

@@ -4,6 +4,7 @@
 
 #include "../../shaders/shared/views.h"
 #include "../base/threads.h"
+#include "../bvh/save.h"
 #include "../bvh/trace.h"
 
 typedef struct hyi_texture_slot {
@@ -13,10 +14,23 @@ typedef struct hyi_texture_slot {
     float mean[4]; /* of all texels, linear */
 } hyi_texture_slot;
 
+/* How good a tree over triangles is: see hyi_bvh_cost. */
+typedef struct hyi_quality {
+    float cost, cost_when_built;
+    bool refitted;
+} hyi_quality;
+
+/* A tree that waits for a commit that can use it. */
+typedef struct hyi_loaded_tree {
+    hyi_tree_record record;
+    hyi_bvh bvh; /* without rows; empty: it was taken, or refused */
+} hyi_loaded_tree;
+
 /* The arrays belong to the scene. */
 typedef struct hyi_mesh_slot {
     bool alive, instanced_only, dynamic;
     bool built;    /* bvh is there: instances and dynamic meshes have one of their own */
+    bool moved;    /* bvh is that of other positions */
     bool in_world; /* part of the scene's world tree as it stands */
     hydra_build build; /* FAST or BEST */
     uint32_t material; /* id; 0: the grey that needs no desc */
@@ -26,6 +40,7 @@ typedef struct hyi_mesh_slot {
     uint32_t *light_slots;  /* made by commit where only some triangles emit */
     uint32_t emitter_count; /* emitting triangles under the mesh's own materials */
     hyi_bvh bvh;
+    hyi_quality quality;
 } hyi_mesh_slot;
 
 typedef struct hyi_instance_slot {
@@ -70,6 +85,9 @@ struct hydra_scene {
     uint32_t environment_width, environment_height;
     bool environment_set;
 
+    hyi_loaded_tree *loaded; /* until the next commit that succeeds */
+    size_t loaded_count, loaded_capacity;
+
     /* Made by commit. */
     hyk_material *view_materials; /* by id; 0 is the default */
     hyk_texture *view_textures;
@@ -85,7 +103,8 @@ struct hydra_scene {
     hyi_bvh world;         /* over the first world_count of placed: unmoved and not dynamic */
     uint32_t *world_first; /* of each, its first triangle in world */
     size_t world_count;
-    bool world_stale;      /* a mesh left it */
+    bool world_stale;      /* a mesh left it, or moved */
+    hyi_quality world_quality;
     hyi_bvh top;
     hyk_light *all_lights;
     uint32_t *light_ids; /* hydra_light id of each, 0: a triangle */
@@ -119,6 +138,12 @@ HYI_FN hydra_result hyi_scene_editable(hydra_scene *scene, const void *desc, con
     if (scene->renders_living) return hyi_fail(scene->context, HYDRA_ERROR_BUSY, "%s: %u renders of the scene are alive", what, scene->renders_living);
     scene->editing = what;
     if (!desc) return hyi_reject(scene, hyi_fail(scene->context, HYDRA_ERROR_NULL, "%s: the desc", what));
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_check_committed(const hydra_scene *scene) {
+    if (!scene) return HYDRA_ERROR_NULL;
+    if (scene->dirty) return hyi_fail(scene->context, HYDRA_ERROR_NOT_COMMITTED, "call hydra_scene_commit first");
     return HYDRA_OK;
 }
 
@@ -175,6 +200,12 @@ HYI_FN void hyi_free_world(hydra_scene *scene) {
     for (size_t i = 0; i < scene->mesh_count; i++) scene->meshes[i].in_world = false;
 }
 
+HYI_FN void hyi_free_loaded(hydra_scene *scene) {
+    for (size_t i = 0; i < scene->loaded_count; i++) hyi_bvh_free(scene->context, &scene->loaded[i].bvh);
+    hyi_free_array(scene->context, &scene->loaded, scene->loaded_capacity);
+    scene->loaded_count = scene->loaded_capacity = 0;
+}
+
 HYI_FN void hyi_free_lights(hydra_scene *scene) {
     hydra_context *context = scene->context;
     hyi_free_array(context, &scene->all_lights, scene->all_light_count);
@@ -204,6 +235,7 @@ HYDRA_API hydra_result hydra_scene_destroy(hydra_scene *scene) {
     hyi_free_lights(scene);
     hyi_free_placement(scene);
     hyi_free_world(scene);
+    hyi_free_loaded(scene);
     hyi_free_tables(scene);
     hyi_free_environment(scene);
     for (size_t i = 0; i < scene->texture_count; i++) hyi_free_array(context, &scene->textures[i].texels, scene->textures[i].words);
