@@ -12874,11 +12874,16 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
         HYI_VECTOR_CASES(name, arguments)         \
     default: name##_scalar arguments; break;      \
     }
+#if HYI_X86 || HYI_NEON
 #define HYI_DISPATCH_VECTOR(isa, name, arguments) \
     switch (isa) {                                \
         HYI_VECTOR_CASES(name, arguments)         \
     default: break;                               \
     }
+#else /* without vectors no stream has a capacity, and this is never reached */
+HYI_INLINE void hyi_no_vectors(const void *site, ...) { (void)site; }
+#define HYI_DISPATCH_VECTOR(isa, name, arguments) hyi_no_vectors arguments;
+#endif
 
 /* ---- memory for streams */
 
