@@ -490,9 +490,9 @@ HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *da
    are sorted by direction within 65536, so give as many a call as there are. Use several threads by calling from several,
    each with its share. `make bench-rays` measures all this.
 
-   Memory. A call with fifty or more rays takes a block from the allocator and returns it: about a kilobyte a ray, never
-   more than 6 MB (10 MB in scenes with instances). Where the allocator or the cap refuses, the answers are the same, later.
-   Descriptors of rays and hits are the caller's; nothing is kept.
+   Memory. A call with fifty or more rays takes memory from the allocator and returns it: about a kilobyte a ray, never more
+   than 5 MB (6 MB in scenes with instances). Where the allocator or the cap refuses, the answers are the same, later.
+   Arrays of rays and hits are the caller's; nothing is kept.
 
    Changing scenes. Mark meshes that move or change as dynamic; see hydra_scene_move_vertices, HYDRA_BUILD_FAST and
    hydra_scene_save_trees. */
@@ -8118,7 +8118,7 @@ typedef struct hyi_visit_of {
    predictor (Barringer, Akenine-Moller 2014, "Dynamic ray stream traversal"; Fuetterling et al. 2015, "Efficient
    ray tracing kernels for modern CPU architectures").
 
-   Where neighbouring rays are alike, a packet of them takes the site of a ray: its node test is interval arithmetic
+   Where neighbouring rays are alike, a packet of them takes the place of a ray: its node test is interval arithmetic
    over the packet (Reshetov, Soupikov, Hurley 2005, "Multi-level ray tracing algorithm"), as dear as that of one ray,
    and at a leaf a triangle meets all rays of the packet at once.
 
@@ -8131,7 +8131,8 @@ typedef struct hyi_visit_of {
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
 #define HYI_PACKET_WIDTH 16u     /* at most */
-#define HYI_RAY_GROUPS 24u           /* eight octants by three largest components */
+#define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
+#define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 
 /* Slopes of the rays of a packet differ by no more than this, and their origins by no more than this share of the
    tree's size. */
@@ -8309,11 +8310,10 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 #define HYI_OR8(a, b) ((a) | (b))
 #define HYI_BITS8(m) (m)
 #define HYI_PIN8(a) hyi_pin8_scalar(a)
-/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+/* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
+   HYI_PIN8 keeps values as rounded) */
 
-   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
-
-
+/* Eight boxes against one ray; the planes come in the order in which it meets them. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
@@ -8737,11 +8737,10 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
 #define HYI_MAXD(a, b) _mm256_max_pd(a, b)
 #define HYI_LTD(a, b) ((uint32_t)_mm256_movemask_pd(_mm256_cmp_pd(a, b, _CMP_LT_OQ)))
 #define HYI_PIND(a) hyi_pin_double_avx2(a)
-/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+/* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
+   HYI_PIN8 keeps values as rounded) */
 
-   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
-
-
+/* Eight boxes against one ray; the planes come in the order in which it meets them. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
@@ -9404,14 +9403,21 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, ui
     }
 }
 
+/* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, size_t room) {
+    bool together = room >= (size_t)HYI_WIDTH * (count + 15u) + HYI_LIST_RESERVE;
+    uint32_t some = together ? count : 1u;
+    for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
+}
+
 /* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
-   one. Packets are only in trees of triangles, and their lists so short that the space always suffices. */
+   one. Packets are only in trees of triangles. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
     if (packets) {
         if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
-        else HYI_I(hyi_list_node_packets)(swarm, at, list, count, space);
+        else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
     } else if (leaf && swarm->site.bvh->rows) {
         HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
@@ -9464,7 +9470,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
     swarm.any = any;
-    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u)) {
+    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -9714,11 +9720,10 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
 #define HYI_MAXD(a, b) _mm512_max_pd(a, b)
 #define HYI_LTD(a, b) ((uint32_t)_mm512_cmp_pd_mask(a, b, _CMP_LT_OQ))
 #define HYI_PIND(a) hyi_pin_double_avx512(a)
-/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+/* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
+   HYI_PIN8 keeps values as rounded) */
 
-   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
-
-
+/* Eight boxes against one ray; the planes come in the order in which it meets them. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
@@ -10381,14 +10386,21 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, ui
     }
 }
 
+/* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, size_t room) {
+    bool together = room >= (size_t)HYI_WIDTH * (count + 15u) + HYI_LIST_RESERVE;
+    uint32_t some = together ? count : 1u;
+    for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
+}
+
 /* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
-   one. Packets are only in trees of triangles, and their lists so short that the space always suffices. */
+   one. Packets are only in trees of triangles. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
     if (packets) {
         if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
-        else HYI_I(hyi_list_node_packets)(swarm, at, list, count, space);
+        else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
     } else if (leaf && swarm->site.bvh->rows) {
         HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
@@ -10441,7 +10453,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
     swarm.any = any;
-    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u)) {
+    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -10851,11 +10863,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAXD(a, b) HYI_I(hyi_max_doubles)(a, b)
 #define HYI_LTD(a, b) HYI_I(hyi_lt_doubles)(a, b)
 #define HYI_PIND(a) HYI_I(hyi_pin_doubles)(a)
-/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+/* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
+   HYI_PIN8 keeps values as rounded) */
 
-   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
-
-
+/* Eight boxes against one ray; the planes come in the order in which it meets them. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
@@ -11518,14 +11529,21 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, ui
     }
 }
 
+/* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, size_t room) {
+    bool together = room >= (size_t)HYI_WIDTH * (count + 15u) + HYI_LIST_RESERVE;
+    uint32_t some = together ? count : 1u;
+    for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
+}
+
 /* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
-   one. Packets are only in trees of triangles, and their lists so short that the space always suffices. */
+   one. Packets are only in trees of triangles. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
     if (packets) {
         if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
-        else HYI_I(hyi_list_node_packets)(swarm, at, list, count, space);
+        else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
     } else if (leaf && swarm->site.bvh->rows) {
         HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
@@ -11578,7 +11596,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
     swarm.any = any;
-    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u)) {
+    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -11985,11 +12003,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAXD(a, b) HYI_I(hyi_max_doubles)(a, b)
 #define HYI_LTD(a, b) HYI_I(hyi_lt_doubles)(a, b)
 #define HYI_PIND(a) HYI_I(hyi_pin_doubles)(a)
-/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+/* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
+   HYI_PIN8 keeps values as rounded) */
 
-   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
-
-
+/* Eight boxes against one ray; the planes come in the order in which it meets them. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
@@ -12652,14 +12669,21 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, ui
     }
 }
 
+/* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, size_t room) {
+    bool together = room >= (size_t)HYI_WIDTH * (count + 15u) + HYI_LIST_RESERVE;
+    uint32_t some = together ? count : 1u;
+    for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
+}
+
 /* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
-   one. Packets are only in trees of triangles, and their lists so short that the space always suffices. */
+   one. Packets are only in trees of triangles. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
     if (packets) {
         if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
-        else HYI_I(hyi_list_node_packets)(swarm, at, list, count, space);
+        else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
     } else if (leaf && swarm->site.bvh->rows) {
         HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
@@ -12712,7 +12736,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
     swarm.any = any;
-    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u)) {
+    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -12902,7 +12926,7 @@ HYI_INLINE hyi_ray_stream hyi_plan_ray_stream(const hyi_accel *accel, size_t cou
     stream.capacity = count < HYI_STREAM_RAYS ? ((uint32_t)count + 15u) & ~15u : HYI_STREAM_RAYS;
     stream.packet_share = stream.capacity / hyi_isa_lanes(accel->isa) + HYI_RAY_GROUPS;
     stream.sorted = sorted;
-    stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + sorted / 4u;
+    stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + sorted / 4u + 2u * HYI_LIST_RESERVE;
     return stream;
 }
 

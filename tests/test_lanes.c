@@ -255,6 +255,31 @@ static void instances_and_holes(void **state) {
     }
 }
 
+/* Triangles of sizes down to 1e-30 around one point: the deepest trees. Catches: lists that outgrow their memory. */
+static void deep_trees(void **state) {
+    (void)state;
+    static tl_scene s;
+    static const uint32_t counts[3] = {48, 64, 4096};
+    ht_rng rng = ht_rng_make(4);
+    ht_mesh mesh = ht_soup(&rng, 8000, 1, 0.3f);
+    for (uint32_t v = 0; v < 3 * mesh.vertex_count; v++) mesh.positions[v] *= powf(10, -30.0f * (float)(v / 9) / 8000.0f);
+    tl_begin(&s);
+    tl_add(&s, mesh, HYDRA_ALPHA_OPAQUE);
+    ht_ok(s.host.context, hydra_scene_commit(s.scene));
+    assert_true(s.scene->world.depth > 30);
+    for (uint32_t k = 0; k < 3; k++) {
+        for (uint32_t i = 0; i < counts[k]; i++) { /* all towards the point, from one side */
+            memset(&tl_rays[i], 0, sizeof tl_rays[i]);
+            tl_rays[i].origin = hyk_make3(ht_range(&rng, 0.001f, 0.01f), ht_range(&rng, 0.001f, 0.01f), 2);
+            tl_rays[i].direction = hyk_neg(tl_rays[i].origin);
+            tl_rays[i].t_min = 0.9999999f; /* past all that stands before the point */
+            tl_rays[i].t_max = INFINITY;
+        }
+        (void)tl_compare_all(&s, counts[k]);
+    }
+    tl_end(&s);
+}
+
 /* More than are sorted at a time; and alike rays do go in packets. */
 static void many_rays(void **state) {
     (void)state;
@@ -279,6 +304,7 @@ int hydra_test_lanes(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(meshes_alone),
         cmocka_unit_test(instances_and_holes),
+        cmocka_unit_test(deep_trees),
         cmocka_unit_test(many_rays),
     };
     return cmocka_run_group_tests_name("lanes", tests, NULL, NULL);

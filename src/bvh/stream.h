@@ -6,7 +6,7 @@
    predictor (Barringer, Akenine-Moller 2014, "Dynamic ray stream traversal"; Fuetterling et al. 2015, "Efficient
    ray tracing kernels for modern CPU architectures").
 
-   Where neighbouring rays are alike, a packet of them takes the site of a ray: its node test is interval arithmetic
+   Where neighbouring rays are alike, a packet of them takes the place of a ray: its node test is interval arithmetic
    over the packet (Reshetov, Soupikov, Hurley 2005, "Multi-level ray tracing algorithm"), as dear as that of one ray,
    and at a leaf a triangle meets all rays of the packet at once.
 
@@ -21,7 +21,8 @@
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
 #define HYI_PACKET_WIDTH 16u     /* at most */
-#define HYI_RAY_GROUPS 24u           /* eight octants by three largest components */
+#define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
+#define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 
 /* Slopes of the rays of a packet differ by no more than this, and their origins by no more than this share of the
    tree's size. */

@@ -94,14 +94,21 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, ui
     }
 }
 
+/* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, size_t room) {
+    bool together = room >= (size_t)HYI_WIDTH * (count + 15u) + HYI_LIST_RESERVE;
+    uint32_t some = together ? count : 1u;
+    for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
+}
+
 /* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
-   one. Packets are only in trees of triangles, and their lists so short that the space always suffices. */
+   one. Packets are only in trees of triangles. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
     if (packets) {
         if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
-        else HYI_I(hyi_list_node_packets)(swarm, at, list, count, space);
+        else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
     } else if (leaf && swarm->site.bvh->rows) {
         HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
@@ -154,7 +161,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
     swarm.any = any;
-    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u)) {
+    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }

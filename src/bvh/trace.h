@@ -58,7 +58,7 @@ HYI_INLINE hyi_ray_stream hyi_plan_ray_stream(const hyi_accel *accel, size_t cou
     stream.capacity = count < HYI_STREAM_RAYS ? ((uint32_t)count + 15u) & ~15u : HYI_STREAM_RAYS;
     stream.packet_share = stream.capacity / hyi_isa_lanes(accel->isa) + HYI_RAY_GROUPS;
     stream.sorted = sorted;
-    stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + sorted / 4u;
+    stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + sorted / 4u + 2u * HYI_LIST_RESERVE;
     return stream;
 }
 

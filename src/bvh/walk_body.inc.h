@@ -1,8 +1,7 @@
-/* ---- one ray (expanded once for each instruction set, in its words: see the head of bvh-lanes)
+/* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
+   HYI_PIN8 keeps values as rounded) */
 
-   Eight boxes against one ray: HYI_NEAR and HYI_FAR are rows of the node in the order in which the ray meets them. */
-
-
+/* Eight boxes against one ray; the planes come in the order in which it meets them. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));

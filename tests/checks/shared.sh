@@ -26,7 +26,7 @@ $name.double|gcc -std=c99 $oracle -DHYK_REAL=double $alone $scratch/$name.c
 $name.glsl|$glslang && ! $glslang | grep -E 'WARNING|ERROR' && spirv-val --target-env vulkan1.2 $scratch/$name.spv
 JOBS
 done < "$scratch/files" > "$scratch/list"
-find src -name '*.h' ! -path 'src/vk/*' | sort | while read -r file; do
+find src -name '*.h' ! -name '*.inc.h' ! -path 'src/vk/*' | sort | while read -r file; do
     name=$(printf '%s' "${file%.h}" | tr / _)
     printf '#define HYDRA_IMPLEMENTATION\n#include "%s"\n' "$PWD/$file" > "$scratch/$name.c"
     cp "$scratch/$name.c" "$scratch/$name.cpp"
