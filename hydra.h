@@ -5496,7 +5496,6 @@ HYI_INLINE bool hyi_build_is_leaf(const hyi_build_node *node) { return (node->co
 /* What one chunk of the source has. */
 typedef struct hyi_chunk_sum {
     hyi_bounds box, centroids;
-    double area;
     uint32_t kept, first;
 } hyi_chunk_sum;
 
@@ -5533,7 +5532,7 @@ HYI_INLINE uint32_t hyi_ref_id(const hyi_ref *ref) {
     return bits & ~HYI_REF_ID_BITS;
 }
 
-/* The box with the id of another reference, or with its own where it was made from one: lane 3 is not kept by boxes. */
+/* Lane 3 of a box is not its own: the id is set anew. */
 HYI_INLINE void hyi_ref_set(hyi_ref *ref, const hyi_bounds *box, uint32_t id) {
     uint32_t bits = id | HYI_REF_ID_BITS;
     hyi_four_store(ref->lower, box->lower);
@@ -5595,7 +5594,6 @@ HYI_FN void hyi_fill_chunk(void *argument, uint32_t chunk) {
     sum.box = sum.centroids = hyi_bounds_empty();
     sum.first = build->chunks[chunk].first;
     sum.kept = 0;
-    sum.area = 0.0;
     hyi_ref *out = build->refs + sum.first;
     hyi_four scale = hyi_four_all(build->scale);
     uint32_t end = hyi_chunk_end(chunk, build->source_count);
@@ -5643,9 +5641,10 @@ HYI_FN void hyi_sum_chunks(hyi_build *build) {
 /* Allocates and fills the references, sets the bounds and the scale, and counts what is kept. Unscaled and without
    gaps, as references nearly always are, one pass does. */
 HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
-    uint32_t extra = build->best ? build->source_count / 100u * HYI_BUILD_EXTRA_PERCENT + build->source_count % 100u : 0u;
+    uint32_t room = HYI_PRIMITIVES_MAX - build->source_count; /* slots have as many bits */
+    uint32_t extra = build->best ? (uint32_t)((uint64_t)build->source_count * HYI_BUILD_EXTRA_PERCENT / 100u) : 0u;
     build->chunk_count = hyi_chunks_of(build->source_count);
-    build->capacity = build->source_count + extra;
+    build->capacity = build->source_count + (extra < room ? extra : room);
     build->scale = 1.0f;
     HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
     HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->capacity));
@@ -5689,6 +5688,7 @@ typedef struct hyi_bins {
    extent along that axis. */
 typedef struct hyi_binning {
     hyi_four origin, scale, last;
+    float origin_of[4], scale_of[4]; /* the same, by axis */
     uint32_t count;
     bool usable[3];
 } hyi_binning;
@@ -5712,15 +5712,17 @@ typedef struct hyi_split {
 
 HYI_INLINE hyi_binning hyi_make_binning(const hyi_bounds *centroids, uint32_t primitives) {
     hyi_binning binning;
-    float extent[4], scale[4] = {0.0f, 0.0f, 0.0f, 0.0f};
+    float extent[4];
+    memset(binning.scale_of, 0, sizeof binning.scale_of);
     binning.count = primitives < 8u * (HYI_BINS - 4u) ? 4u + primitives / 8u : HYI_BINS;
     hyi_four_store(extent, hyi_four_sub(centroids->upper, centroids->lower));
     for (int a = 0; a < 3; a++) {
         binning.usable[a] = extent[a] > 1.0e-30f;
-        if (binning.usable[a]) scale[a] = (float)binning.count / extent[a];
+        if (binning.usable[a]) binning.scale_of[a] = (float)binning.count / extent[a];
     }
     binning.origin = centroids->lower;
-    binning.scale = hyi_four_load(scale);
+    binning.scale = hyi_four_load(binning.scale_of);
+    hyi_four_store(binning.origin_of, binning.origin);
     binning.last = hyi_four_all((float)(binning.count - 1u));
     return binning;
 }
@@ -5731,32 +5733,57 @@ HYI_INLINE void hyi_bins_of(const hyi_binning *binning, hyi_four centroid, int32
     hyi_four_truncate(hyi_four_min(hyi_four_max(at, hyi_four_all(0.0f)), binning->last), bin);
 }
 
+/* Whether a primitive falls into a bin before one that is not the first: as hyi_bins_of says, with the same roundings. */
+HYI_INLINE bool hyi_is_before_bin(const hyi_binning *binning, const hyi_ref *ref, int axis, float bin) {
+    float centroid = hyi_rounded(ref->lower[axis] + ref->upper[axis]);
+    return hyi_rounded(hyi_rounded(centroid - binning->origin_of[axis]) * binning->scale_of[axis]) < bin;
+}
+
+/* A loop for each array: see hyi_spatial_clear. */
 HYI_FN void hyi_bins_clear(hyi_bins *bins, uint32_t count) {
     for (uint32_t b = 0; b < count; b++) {
         for (int a = 0; a < 3; a++) bins->box[b][a] = hyi_bounds_empty();
-        memset(bins->count[b], 0, sizeof bins->count[b]);
     }
-}
-
-HYI_FN void hyi_bins_fill(hyi_bins *bins, const hyi_binning *binning, const hyi_ref *refs, uint32_t count) {
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_bounds box = hyi_ref_box(&refs[i]);
-        int32_t bin[4];
-        hyi_bins_of(binning, hyi_centroid(&box), bin);
-        for (int a = 0; a < 3; a++) {
-            hyi_bounds_add(&bins->box[bin[a]][a], box.lower, box.upper);
-            bins->count[bin[a]][a]++;
-        }
-    }
+    memset(bins->count, 0, count * sizeof bins->count[0]);
 }
 
 HYI_FN void hyi_bins_merge(hyi_bins *bins, const hyi_bins *more, uint32_t count) {
     for (uint32_t b = 0; b < count; b++) {
-        for (int a = 0; a < 3; a++) {
-            hyi_bounds_add(&bins->box[b][a], more->box[b][a].lower, more->box[b][a].upper);
-            bins->count[b][a] += more->count[b][a];
-        }
+        for (int a = 0; a < 3; a++) hyi_bounds_add(&bins->box[b][a], more->box[b][a].lower, more->box[b][a].upper);
     }
+    for (uint32_t b = 0; b < count; b++) {
+        for (int a = 0; a < 3; a++) bins->count[b][a] += more->count[b][a];
+    }
+}
+
+HYI_INLINE void hyi_bins_add(hyi_bins *bins, const hyi_binning *binning, const hyi_ref *ref) {
+    hyi_bounds box = hyi_ref_box(ref);
+    int32_t bin[4];
+    hyi_bins_of(binning, hyi_centroid(&box), bin);
+    hyi_bounds_add(&bins->box[bin[0]][0], box.lower, box.upper);
+    hyi_bounds_add(&bins->box[bin[1]][1], box.lower, box.upper);
+    hyi_bounds_add(&bins->box[bin[2]][2], box.lower, box.upper);
+    bins->count[bin[0]][0]++;
+    bins->count[bin[1]][1]++;
+    bins->count[bin[2]][2]++;
+}
+
+/* Neighbours often share a bin, and would wait for each other there: in long ranges every other one has its own bins. */
+#define HYI_BINS_PAIRED (16u * HYI_BINS)
+
+HYI_FN void hyi_bins_fill(hyi_bins *bins, const hyi_binning *binning, const hyi_ref *refs, uint32_t count) {
+    hyi_bins odd;
+    uint32_t i = 0;
+    hyi_bins_clear(bins, binning->count);
+    if (count >= HYI_BINS_PAIRED) {
+        hyi_bins_clear(&odd, binning->count);
+        for (; i + 1u < count; i += 2u) {
+            hyi_bins_add(bins, binning, &refs[i]);
+            hyi_bins_add(&odd, binning, &refs[i + 1u]);
+        }
+        hyi_bins_merge(bins, &odd, binning->count);
+    }
+    for (; i < count; i++) hyi_bins_add(bins, binning, &refs[i]);
 }
 
 /* Expected cost of a subtree of count primitives, were it entered: leaves test up to HYI_LEAF_MAX at once, which
@@ -5862,7 +5889,8 @@ typedef struct hyi_corners {
 HYI_INLINE hyi_four hyi_four_size(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
 
 /* The corners of a triangle in the units of the tree. A point of an edge is p + (q - p) t, t = (plane - p) / (q - p)
-   along the axis: the roundings add up to less than 8 2^-24 (|p| + |q|), and denormals lost to less than 2^-120. */
+   along the axis: the roundings add up to less than 8 2^-24 (|p| + |q|), and what flushed denormals lose is less than
+   HYI_SPATIAL_TINY. */
 HYI_INLINE void hyi_load_corners(const hyi_build *build, uint32_t id, hyi_corners *corners) {
     hyi_four scale = hyi_four_all(build->scale), size = hyi_four_all(0.0f);
     for (uint32_t c = 0; c < 3; c++) {
@@ -5876,10 +5904,7 @@ HYI_INLINE void hyi_load_corners(const hyi_build *build, uint32_t id, hyi_corner
 
 /* The half space on one side of a plane, as a box. */
 HYI_INLINE hyi_four hyi_plane_lanes(int axis, float plane, float elsewhere) {
-    float lanes[4];
-    hyi_four_store(lanes, hyi_four_all(elsewhere));
-    lanes[axis] = plane;
-    return hyi_four_load(lanes);
+    return hyi_four_make(axis == 0 ? plane : elsewhere, axis == 1 ? plane : elsewhere, axis == 2 ? plane : elsewhere);
 }
 
 /* The box, which is that of a part of the triangle, cut by a plane: boxes of both parts. An empty one: no point of
@@ -5948,13 +5973,14 @@ HYI_INLINE uint32_t hyi_grid_end(const hyi_grid *grid, int axis, uint32_t begin,
     return (uint32_t)bin;
 }
 
+/* One loop for each array: of loops over several, gcc 12 at -O1 loses stores (its induction variables take the address
+   of one array from that of another). */
 HYI_FN void hyi_spatial_clear(hyi_spatial_bins *bins, const hyi_grid *grid) {
     for (int a = 0; a < 3; a++) {
-        for (uint32_t b = 0; b < grid->count; b++) {
-            bins->box[a][b] = hyi_bounds_empty();
-            bins->begins[a][b] = bins->ends[a][b] = 0;
-        }
+        for (uint32_t b = 0; b < grid->count; b++) bins->box[a][b] = hyi_bounds_empty();
     }
+    memset(bins->begins, 0, sizeof bins->begins);
+    memset(bins->ends, 0, sizeof bins->ends);
 }
 
 /* Adds the parts of one triangle to the bins from begin to end. */
@@ -5993,11 +6019,9 @@ HYI_FN void hyi_spatial_fill(hyi_spatial_bins *bins, const hyi_build *build, con
 
 HYI_FN void hyi_spatial_merge(hyi_spatial_bins *bins, const hyi_spatial_bins *more, const hyi_grid *grid) {
     for (int a = 0; a < 3; a++) {
-        for (uint32_t b = 0; b < grid->count; b++) {
-            hyi_bounds_add(&bins->box[a][b], more->box[a][b].lower, more->box[a][b].upper);
-            bins->begins[a][b] += more->begins[a][b];
-            bins->ends[a][b] += more->ends[a][b];
-        }
+        for (uint32_t b = 0; b < grid->count; b++) hyi_bounds_add(&bins->box[a][b], more->box[a][b].lower, more->box[a][b].upper);
+        for (uint32_t b = 0; b < grid->count; b++) bins->begins[a][b] += more->begins[a][b];
+        for (uint32_t b = 0; b < grid->count; b++) bins->ends[a][b] += more->ends[a][b];
     }
 }
 
@@ -6080,9 +6104,10 @@ HYI_INLINE void hyi_part_ref(const hyi_build *build, const hyi_split *split, con
         return;
     }
     float left_area = hyi_bounds_area(&split->left), right_area = hyi_bounds_area(&split->right);
-    float both = left_area * (float)split->left_count + right_area * (float)split->right_count;
-    float to_left = hyi_bounds_area_with(&split->left, box.lower, box.upper) * (float)split->left_count + right_area * ((float)split->right_count - 1.0f);
-    float to_right = left_area * ((float)split->left_count - 1.0f) + hyi_bounds_area_with(&split->right, box.lower, box.upper) * (float)split->right_count;
+    float lefts = (float)split->left_count, rights = (float)split->right_count;
+    float both = left_area * lefts + right_area * rights;
+    float to_left = hyi_bounds_area_with(&split->left, box.lower, box.upper) * lefts + right_area * (rights - 1.0f);
+    float to_right = left_area * (lefts - 1.0f) + hyi_bounds_area_with(&split->right, box.lower, box.upper) * rights;
     if (room && both <= to_left && both <= to_right) return;
     parts->left = to_left <= to_right;
     parts->right = !parts->left;
@@ -6143,28 +6168,25 @@ HYI_INLINE void hyi_range_add(hyi_range *range, const hyi_bounds *box) {
 /* Sorts references into two places by an object split, without branches. left may be where they lie. */
 HYI_FN void hyi_part_objects(const hyi_ref *refs, uint32_t count, const hyi_binning *binning, const hyi_split *split, hyi_ref *to_left,
                              hyi_ref *to_right, hyi_range *left, hyi_range *right) {
-    const hyi_four far_away = hyi_four_all(HYI_EMPTY_PLANE), far_below = hyi_four_all(-HYI_EMPTY_PLANE);
+    const hyi_four beyond[2] = {hyi_four_all(-HYI_EMPTY_PLANE), hyi_four_all(HYI_EMPTY_PLANE)};
+    const float bin = (float)split->bin;
     hyi_bounds l = hyi_bounds_empty(), r = hyi_bounds_empty();
-    uint32_t left_count = 0, right_count = 0;
+    hyi_ref *to[2] = {to_left, to_right};
+    uint32_t filled[2] = {0, 0};
     for (uint32_t i = 0; i < count; i++) {
+        uint32_t goes_right = hyi_is_before_bin(binning, &refs[i], split->axis, bin) ? 0u : 1u;
         hyi_ref ref = refs[i];
         hyi_bounds box = hyi_ref_box(&ref);
-        hyi_four centroid = hyi_centroid(&box);
-        int32_t bin[4];
-        hyi_bins_of(binning, centroid, bin);
-        uint32_t goes_left = (uint32_t)bin[split->axis] < split->bin ? 1u : 0u;
-        hyi_four below = goes_left ? far_below : far_away, above = goes_left ? far_away : far_below;
+        hyi_four centroid = hyi_centroid(&box), below = beyond[goes_right], above = beyond[1u - goes_right];
         l.lower = hyi_four_min(l.lower, hyi_four_max(centroid, below));
         l.upper = hyi_four_max(l.upper, hyi_four_min(centroid, above));
         r.lower = hyi_four_min(r.lower, hyi_four_max(centroid, above));
         r.upper = hyi_four_max(r.upper, hyi_four_min(centroid, below));
-        *(goes_left ? to_left + left_count : to_right + right_count) = ref;
-        left_count += goes_left;
-        right_count += 1u - goes_left;
+        to[goes_right][filled[goes_right]++] = ref;
     }
     hyi_begin_sides(left, right);
-    left->count = left_count;
-    right->count = right_count;
+    left->count = filled[0];
+    right->count = filled[1];
     left->centroids = l;
     right->centroids = r;
     left->box = split->left;
@@ -6172,8 +6194,8 @@ HYI_FN void hyi_part_objects(const hyi_ref *refs, uint32_t count, const hyi_binn
 }
 
 /* The same by a spatial split; room: how many references may be added. */
-HYI_FN void hyi_part_spatial(const hyi_build *build, const hyi_ref *refs, uint32_t count, const hyi_split *split, uint32_t room, hyi_ref *to_left,
-                             hyi_ref *to_right, hyi_range *left, hyi_range *right) {
+HYI_FN void hyi_part_spatial(const hyi_build *build, const hyi_ref *refs, uint32_t count, const hyi_split *split, uint32_t room,
+                             hyi_ref *to_left, hyi_ref *to_right, hyi_range *left, hyi_range *right) {
     hyi_begin_sides(left, right);
     for (uint32_t i = 0; i < count; i++) {
         hyi_ref ref = refs[i];
@@ -6300,7 +6322,6 @@ HYI_INLINE bool hyi_leaf_is_better(const hyi_build *build, const hyi_split *spli
 
 HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_range *range, const hyi_binning *binning) {
     const hyi_ref *refs = build->refs + range->first;
-    hyi_bins_clear(&work->bins, binning->count);
     hyi_bins_fill(&work->bins, binning, refs, range->count);
     hyi_split split = hyi_best_split(&work->bins, binning);
     if (!hyi_spatial_pays(build, range, &split)) return split;
@@ -6312,7 +6333,8 @@ HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_r
 }
 
 /* Cuts by a split; false: all went to one side, and nothing is done. */
-HYI_FN bool hyi_part_small(hyi_build *build, const hyi_range *range, const hyi_binning *binning, const hyi_split *split, hyi_range *left, hyi_range *right) {
+HYI_FN bool hyi_part_small(hyi_build *build, const hyi_range *range, const hyi_binning *binning, const hyi_split *split,
+                           hyi_range *left, hyi_range *right) {
     hyi_ref *refs = build->refs + range->first, *scratch = build->other + range->first;
     if (split->spatial) hyi_part_spatial(build, refs, range->count, split, range->capacity - range->count, refs, scratch, left, right);
     else hyi_part_objects(refs, range->count, binning, split, refs, scratch, left, right);
@@ -6360,9 +6382,7 @@ HYI_FN void hyi_build_subtree(void *argument, uint32_t index) {
 HYI_FN void hyi_bin_chunk(void *argument, uint32_t chunk) {
     hyi_large *large = (hyi_large *)argument;
     uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, large->range.count);
-    hyi_bins *bins = &large->build->chunk_splits[chunk].bins;
-    hyi_bins_clear(bins, large->binning.count);
-    hyi_bins_fill(bins, &large->binning, large->from + begin, end - begin);
+    hyi_bins_fill(&large->build->chunk_splits[chunk].bins, &large->binning, large->from + begin, end - begin);
 }
 
 HYI_FN void hyi_spatial_chunk(void *argument, uint32_t chunk) {
@@ -6403,7 +6423,8 @@ HYI_FN void hyi_scatter_chunk(void *argument, uint32_t chunk) {
     uint32_t begin = chunk * HYI_BUILD_CHUNK, count = hyi_chunk_end(chunk, large->range.count) - begin;
     hyi_ref *left = large->to_left + piece->left_first, *right = large->to_right + piece->right_first;
     if (large->split.spatial) {
-        hyi_part_spatial(large->build, large->from + begin, count, &large->split, UINT32_MAX - count, left, right, &piece->left, &piece->right);
+        hyi_part_spatial(large->build, large->from + begin, count, &large->split, UINT32_MAX - count, left, right, &piece->left,
+                         &piece->right);
     } else {
         hyi_part_objects(large->from + begin, count, &large->binning, &large->split, left, right, &piece->left, &piece->right);
     }
@@ -6440,6 +6461,33 @@ HYI_FN bool hyi_choose_spatial(hyi_large *large, uint32_t chunks, hyi_range *lef
     return false;
 }
 
+/* The best object split, from bins that all chunks fill. */
+HYI_FN void hyi_choose_object(hyi_large *large, uint32_t chunks) {
+    hyi_build *build = large->build;
+    hyi_parallel(build->context, chunks, hyi_bin_chunk, large);
+    hyi_bins bins = build->chunk_splits[0].bins;
+    for (uint32_t c = 1; c < chunks; c++) hyi_bins_merge(&bins, &build->chunk_splits[c].bins, large->binning.count);
+    large->split = hyi_best_split(&bins, &large->binning);
+}
+
+/* Moves the references of counted chunks to the other array, and measures both sides. */
+HYI_FN void hyi_part_large(hyi_large *large, uint32_t chunks, hyi_range *left, hyi_range *right) {
+    hyi_build *build = large->build;
+    hyi_link_children(build, &large->range, left, right);
+    left->in_other = right->in_other = !large->range.in_other;
+    large->to_left = (large->range.in_other ? build->refs : build->other) + left->first;
+    large->to_right = large->to_left + left->capacity;
+    hyi_parallel(build->context, chunks, hyi_scatter_chunk, large);
+    left->box = left->centroids = right->box = right->centroids = hyi_bounds_empty();
+    for (uint32_t c = 0; c < chunks; c++) {
+        hyi_chunk_split *piece = &build->chunk_splits[c];
+        hyi_bounds_add(&left->box, piece->left.box.lower, piece->left.box.upper);
+        hyi_bounds_add(&right->box, piece->right.box.lower, piece->right.box.upper);
+        hyi_bounds_add(&left->centroids, piece->left.centroids.lower, piece->left.centroids.upper);
+        hyi_bounds_add(&right->centroids, piece->right.centroids.lower, piece->right.centroids.upper);
+    }
+}
+
 HYI_FN void hyi_split_large(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
     hyi_large large;
     uint32_t chunks = hyi_chunks_of(range->count);
@@ -6447,11 +6495,8 @@ HYI_FN void hyi_split_large(hyi_build *build, const hyi_range *range, hyi_range 
     large.range = *range;
     large.binning = hyi_make_binning(&range->centroids, range->count);
     large.from = (range->in_other ? build->other : build->refs) + range->first;
-    hyi_parallel(build->context, chunks, hyi_bin_chunk, &large);
-    hyi_bins bins = build->chunk_splits[0].bins;
-    for (uint32_t c = 1; c < chunks; c++) hyi_bins_merge(&bins, &build->chunk_splits[c].bins, large.binning.count);
-    large.split = hyi_best_split(&bins, &large.binning);
     bool short_of_depth = hyi_depth_is_short(range->depth, range->count);
+    if (!short_of_depth) hyi_choose_object(&large, chunks);
     bool spatial = !short_of_depth && hyi_choose_spatial(&large, chunks, left, right);
     if (short_of_depth || large.split.axis < 0) {
         hyi_split_middle(build, range, left, right);
@@ -6461,19 +6506,7 @@ HYI_FN void hyi_split_large(hyi_build *build, const hyi_range *range, hyi_range 
         hyi_count_object_chunks(&large, chunks);
         hyi_place_chunks(&large, chunks, left, right);
     }
-    hyi_link_children(build, range, left, right);
-    left->in_other = right->in_other = !range->in_other;
-    large.to_left = (range->in_other ? build->refs : build->other) + left->first;
-    large.to_right = large.to_left + left->capacity;
-    hyi_parallel(build->context, chunks, hyi_scatter_chunk, &large);
-    left->box = left->centroids = right->box = right->centroids = hyi_bounds_empty();
-    for (uint32_t c = 0; c < chunks; c++) {
-        hyi_chunk_split *piece = &build->chunk_splits[c];
-        hyi_bounds_add(&left->box, piece->left.box.lower, piece->left.box.upper);
-        hyi_bounds_add(&right->box, piece->right.box.lower, piece->right.box.upper);
-        hyi_bounds_add(&left->centroids, piece->left.centroids.lower, piece->left.centroids.upper);
-        hyi_bounds_add(&right->centroids, piece->right.centroids.lower, piece->right.centroids.upper);
-    }
+    hyi_part_large(&large, chunks, left, right);
 }
 
 /* ---- the whole tree */
@@ -6537,17 +6570,18 @@ HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
 #ifndef HYI_BVH_BUILD_COST_H
 #define HYI_BVH_BUILD_COST_H
 
-#define HYI_COUNT_MANY 255u
-
-/* Expected costs, in visits of a node. */
+/* Expected costs, in visits of a node: a leaf is one pass over its lanes, and more memory with more triangles. */
 #define HYI_COST_NODE 1.0f
 #define HYI_COST_LEAF 1.0f
 #define HYI_COST_TRIANGLE 0.05f
 
+#define HYI_COUNT_MANY 64u
+
 typedef struct hyi_cost {
-    float in_places[HYI_WIDTH - 1u]; /* in 1 to 7 places */
+    float in_places[HYI_WIDTH - 1u]; /* least cost in 1 to 7 places, as far as there are tips */
     uint8_t left[HYI_WIDTH - 1u];    /* of 2 to 8 places, those for the left child; 0: one place less does as well */
-    uint8_t count;                   /* of references, up to HYI_COUNT_MANY */
+    uint8_t tips;                    /* leaves of the binary tree, up to HYI_WIDTH */
+    uint8_t count;                   /* references, up to HYI_COUNT_MANY */
     bool leaf;                       /* in one place: whether as a leaf */
 } hyi_cost;
 
@@ -6559,20 +6593,19 @@ HYI_INLINE float hyi_node_area(const hyi_build_node *node) {
 HYI_INLINE float hyi_leaf_cost(float area, uint32_t count) { return area * (HYI_COST_LEAF + HYI_COST_TRIANGLE * (float)count); }
 
 HYI_INLINE void hyi_cost_of_leaf(const hyi_build_node *node, hyi_cost *cost) {
-    float leaf = hyi_leaf_cost(hyi_node_area(node), node->count);
-    for (uint32_t i = 0; i < HYI_WIDTH - 1u; i++) {
-        cost->in_places[i] = leaf;
-        cost->left[i] = 0;
-    }
+    memset(cost, 0, sizeof *cost);
+    cost->in_places[0] = hyi_leaf_cost(hyi_node_area(node), node->count);
+    cost->tips = 1;
     cost->count = (uint8_t)node->count;
     cost->leaf = true;
 }
 
-/* The best way to share out places between two children. */
+/* The best way to share out places, of which there are no more than tips, between two children. */
 HYI_INLINE float hyi_best_share(const hyi_cost *left, const hyi_cost *right, uint32_t places, uint8_t *to_left) {
+    uint32_t first = places > right->tips ? places - right->tips : 1u, last = left->tips < places ? left->tips : places - 1u;
     float best = FLT_MAX;
-    *to_left = 1;
-    for (uint32_t k = 1; k < places; k++) {
+    *to_left = (uint8_t)first;
+    for (uint32_t k = first; k <= last; k++) {
         float cost = left->in_places[k - 1u] + right->in_places[places - k - 1u];
         if (cost < best) {
             best = cost;
@@ -6582,21 +6615,30 @@ HYI_INLINE float hyi_best_share(const hyi_cost *left, const hyi_cost *right, uin
     return best;
 }
 
+/* Costs in two and more places, but for a whole node's. */
+HYI_INLINE void hyi_cost_in_places(const hyi_cost *left, const hyi_cost *right, hyi_cost *cost) {
+    for (uint32_t places = 2; places < HYI_WIDTH && places <= cost->tips; places++) {
+        float shared = hyi_best_share(left, right, places, &cost->left[places - 2u]), less = cost->in_places[places - 2u];
+        cost->in_places[places - 1u] = shared < less ? shared : less;
+        if (!(shared < less)) cost->left[places - 2u] = 0;
+    }
+}
+
 HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
     const hyi_cost *left = &build->costs[node->first], *right = left + 1;
     float area = hyi_node_area(node);
-    uint32_t count = (uint32_t)left->count + right->count;
-    float wide = area * HYI_COST_NODE + hyi_best_share(left, right, HYI_WIDTH, &cost->left[HYI_WIDTH - 2u]);
+    uint32_t count = (uint32_t)left->count + right->count, tips = (uint32_t)left->tips + right->tips;
+    uint8_t whole_left;
+    tips = tips < HYI_WIDTH ? tips : HYI_WIDTH;
+    float wide = area * HYI_COST_NODE + hyi_best_share(left, right, tips, &whole_left);
     float leaf = count <= build->leaf_max ? hyi_leaf_cost(area, count) : FLT_MAX;
+    memset(cost->left, 0, sizeof cost->left);
+    cost->tips = (uint8_t)tips;
     cost->count = (uint8_t)(count < HYI_COUNT_MANY ? count : HYI_COUNT_MANY);
     cost->leaf = leaf <= wide;
     cost->in_places[0] = cost->leaf ? leaf : wide;
-    for (uint32_t places = 2; places < HYI_WIDTH; places++) {
-        float shared = hyi_best_share(left, right, places, &cost->left[places - 2u]);
-        bool pays = shared < cost->in_places[places - 2u];
-        cost->in_places[places - 1u] = pays ? shared : cost->in_places[places - 2u];
-        if (!pays) cost->left[places - 2u] = 0;
-    }
+    hyi_cost_in_places(left, right, cost);
+    cost->left[HYI_WIDTH - 2u] = whole_left;
 }
 
 /* Goes no deeper than HYI_TREE_DEPTH. next: the first task whose costs are known already; UINT32_MAX: there is none. */
@@ -6748,8 +6790,8 @@ HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_build_node *box,
 
 /* Gives a leaf its slots, and writes it; returns the child. */
 HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary) {
-    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot;
-    uint32_t count = hyi_gather_leaf(walk->build, binary, 0, ids);
+    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot, count = walk->build->costs[binary].count;
+    if (walk->writes || walk->build->best) count = hyi_gather_leaf(walk->build, binary, 0, ids); /* parts of one triangle count once */
     walk->next_slot += count;
     if (walk->writes) hyi_write_leaf(walk->build, first, count, ids);
     return hyi_make_leaf(first, count);
@@ -6847,7 +6889,7 @@ HYI_FN hydra_result hyi_count_wide(hyi_build *build, uint32_t root) {
     return HYDRA_OK;
 }
 
-/* Node and slot counts are set only where their arrays are there: hyi_bvh_free goes by them. */
+/* Arrays for the nodes and slots that were counted. */
 HYI_FN hydra_result hyi_allocate_wide(hyi_build *build) {
     hyi_bvh *bvh = build->bvh;
     HYI_TRY(hyi_alloc_array(build->context, &bvh->nodes, bvh->node_count));
@@ -6916,7 +6958,8 @@ HYI_FN hydra_result hyi_build_run(hyi_build *build) {
     memset(build->bvh, 0, sizeof *build->bvh);
     if (build->source_count == 0) return HYDRA_OK;
     if (build->source_count > HYI_PRIMITIVES_MAX) {
-        return hyi_fail(build->context, HYDRA_ERROR_COUNT, "%u primitives in one tree, the limit is %u", build->source_count, HYI_PRIMITIVES_MAX);
+        return hyi_fail(build->context, HYDRA_ERROR_COUNT, "%u primitives in one tree, the limit is %u", build->source_count,
+                        HYI_PRIMITIVES_MAX);
     }
     hydra_result result = hyi_build_steps(build);
     hyi_build_release(build);

@@ -143,6 +143,7 @@ static void bb_check_cuts(const bb_check *k, uint32_t leaf, const hyi_box *box) 
             p[a] = (double)(k->mesh->positions[3 * k->mesh->indices[3 * id + edge] + a] * k->bvh->scale);
             q[a] = (double)(k->mesh->positions[3 * k->mesh->indices[3 * id + (edge + 1) % 3] + a] * k->bvh->scale);
         }
+        if (p[axis] == q[axis]) continue; /* no NaN: -ffast-math would not see it */
         double t = (plane - p[axis]) / (q[axis] - p[axis]);
         if (!(t > 0 && t < 1)) continue;
         for (int a = 0; a < 3; a++) point[a] = p[a] + t * (q[a] - p[a]);
@@ -214,7 +215,7 @@ static void trees_hold_every_point_of_every_triangle(void **state) {
         for (uint32_t i = 0; i < triangles; i++) total += k.seen[i];
         assert_int_equal(total, bvh.primitive_count);
         assert_true(bvh.depth <= HYI_TREE_DEPTH);
-        assert_true(best ? bvh.slot_count <= triangles + triangles * HYI_BUILD_EXTRA_PERCENT / 100u + 100u : bvh.slot_count == bvh.primitive_count);
+        assert_true(best ? bvh.slot_count <= triangles + triangles * HYI_BUILD_EXTRA_PERCENT / 100u : bvh.slot_count == bvh.primitive_count);
         assert_int_equal(host.memory.bytes_now, bvh.bytes);
         bb_check_points(&k, &rng, ht_pick(20000, 4000));
         free(k.seen);

@@ -30,7 +30,8 @@ HYI_FN hydra_result hyi_build_run(hyi_build *build) {
     memset(build->bvh, 0, sizeof *build->bvh);
     if (build->source_count == 0) return HYDRA_OK;
     if (build->source_count > HYI_PRIMITIVES_MAX) {
-        return hyi_fail(build->context, HYDRA_ERROR_COUNT, "%u primitives in one tree, the limit is %u", build->source_count, HYI_PRIMITIVES_MAX);
+        return hyi_fail(build->context, HYDRA_ERROR_COUNT, "%u primitives in one tree, the limit is %u", build->source_count,
+                        HYI_PRIMITIVES_MAX);
     }
     hydra_result result = hyi_build_steps(build);
     hyi_build_release(build);

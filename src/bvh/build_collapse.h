@@ -118,8 +118,8 @@ HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_build_node *box,
 
 /* Gives a leaf its slots, and writes it; returns the child. */
 HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary) {
-    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot;
-    uint32_t count = hyi_gather_leaf(walk->build, binary, 0, ids);
+    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot, count = walk->build->costs[binary].count;
+    if (walk->writes || walk->build->best) count = hyi_gather_leaf(walk->build, binary, 0, ids); /* parts of one triangle count once */
     walk->next_slot += count;
     if (walk->writes) hyi_write_leaf(walk->build, first, count, ids);
     return hyi_make_leaf(first, count);
@@ -217,7 +217,7 @@ HYI_FN hydra_result hyi_count_wide(hyi_build *build, uint32_t root) {
     return HYDRA_OK;
 }
 
-/* Node and slot counts are set only where their arrays are there: hyi_bvh_free goes by them. */
+/* Arrays for the nodes and slots that were counted. */
 HYI_FN hydra_result hyi_allocate_wide(hyi_build *build) {
     hyi_bvh *bvh = build->bvh;
     HYI_TRY(hyi_alloc_array(build->context, &bvh->nodes, bvh->node_count));

@@ -8,17 +8,18 @@
 
 #include "build_tree.h"
 
-#define HYI_COUNT_MANY 255u
-
-/* Expected costs, in visits of a node. */
+/* Expected costs, in visits of a node: a leaf is one pass over its lanes, and more memory with more triangles. */
 #define HYI_COST_NODE 1.0f
 #define HYI_COST_LEAF 1.0f
 #define HYI_COST_TRIANGLE 0.05f
 
+#define HYI_COUNT_MANY 64u
+
 typedef struct hyi_cost {
-    float in_places[HYI_WIDTH - 1u]; /* in 1 to 7 places */
+    float in_places[HYI_WIDTH - 1u]; /* least cost in 1 to 7 places, as far as there are tips */
     uint8_t left[HYI_WIDTH - 1u];    /* of 2 to 8 places, those for the left child; 0: one place less does as well */
-    uint8_t count;                   /* of references, up to HYI_COUNT_MANY */
+    uint8_t tips;                    /* leaves of the binary tree, up to HYI_WIDTH */
+    uint8_t count;                   /* references, up to HYI_COUNT_MANY */
     bool leaf;                       /* in one place: whether as a leaf */
 } hyi_cost;
 
@@ -30,20 +31,19 @@ HYI_INLINE float hyi_node_area(const hyi_build_node *node) {
 HYI_INLINE float hyi_leaf_cost(float area, uint32_t count) { return area * (HYI_COST_LEAF + HYI_COST_TRIANGLE * (float)count); }
 
 HYI_INLINE void hyi_cost_of_leaf(const hyi_build_node *node, hyi_cost *cost) {
-    float leaf = hyi_leaf_cost(hyi_node_area(node), node->count);
-    for (uint32_t i = 0; i < HYI_WIDTH - 1u; i++) {
-        cost->in_places[i] = leaf;
-        cost->left[i] = 0;
-    }
+    memset(cost, 0, sizeof *cost);
+    cost->in_places[0] = hyi_leaf_cost(hyi_node_area(node), node->count);
+    cost->tips = 1;
     cost->count = (uint8_t)node->count;
     cost->leaf = true;
 }
 
-/* The best way to share out places between two children. */
+/* The best way to share out places, of which there are no more than tips, between two children. */
 HYI_INLINE float hyi_best_share(const hyi_cost *left, const hyi_cost *right, uint32_t places, uint8_t *to_left) {
+    uint32_t first = places > right->tips ? places - right->tips : 1u, last = left->tips < places ? left->tips : places - 1u;
     float best = FLT_MAX;
-    *to_left = 1;
-    for (uint32_t k = 1; k < places; k++) {
+    *to_left = (uint8_t)first;
+    for (uint32_t k = first; k <= last; k++) {
         float cost = left->in_places[k - 1u] + right->in_places[places - k - 1u];
         if (cost < best) {
             best = cost;
@@ -53,21 +53,30 @@ HYI_INLINE float hyi_best_share(const hyi_cost *left, const hyi_cost *right, uin
     return best;
 }
 
+/* Costs in two and more places, but for a whole node's. */
+HYI_INLINE void hyi_cost_in_places(const hyi_cost *left, const hyi_cost *right, hyi_cost *cost) {
+    for (uint32_t places = 2; places < HYI_WIDTH && places <= cost->tips; places++) {
+        float shared = hyi_best_share(left, right, places, &cost->left[places - 2u]), less = cost->in_places[places - 2u];
+        cost->in_places[places - 1u] = shared < less ? shared : less;
+        if (!(shared < less)) cost->left[places - 2u] = 0;
+    }
+}
+
 HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
     const hyi_cost *left = &build->costs[node->first], *right = left + 1;
     float area = hyi_node_area(node);
-    uint32_t count = (uint32_t)left->count + right->count;
-    float wide = area * HYI_COST_NODE + hyi_best_share(left, right, HYI_WIDTH, &cost->left[HYI_WIDTH - 2u]);
+    uint32_t count = (uint32_t)left->count + right->count, tips = (uint32_t)left->tips + right->tips;
+    uint8_t whole_left;
+    tips = tips < HYI_WIDTH ? tips : HYI_WIDTH;
+    float wide = area * HYI_COST_NODE + hyi_best_share(left, right, tips, &whole_left);
     float leaf = count <= build->leaf_max ? hyi_leaf_cost(area, count) : FLT_MAX;
+    memset(cost->left, 0, sizeof cost->left);
+    cost->tips = (uint8_t)tips;
     cost->count = (uint8_t)(count < HYI_COUNT_MANY ? count : HYI_COUNT_MANY);
     cost->leaf = leaf <= wide;
     cost->in_places[0] = cost->leaf ? leaf : wide;
-    for (uint32_t places = 2; places < HYI_WIDTH; places++) {
-        float shared = hyi_best_share(left, right, places, &cost->left[places - 2u]);
-        bool pays = shared < cost->in_places[places - 2u];
-        cost->in_places[places - 1u] = pays ? shared : cost->in_places[places - 2u];
-        if (!pays) cost->left[places - 2u] = 0;
-    }
+    hyi_cost_in_places(left, right, cost);
+    cost->left[HYI_WIDTH - 2u] = whole_left;
 }
 
 /* Goes no deeper than HYI_TREE_DEPTH. next: the first task whose costs are known already; UINT32_MAX: there is none. */

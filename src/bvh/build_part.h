@@ -52,28 +52,25 @@ HYI_INLINE void hyi_range_add(hyi_range *range, const hyi_bounds *box) {
 /* Sorts references into two places by an object split, without branches. left may be where they lie. */
 HYI_FN void hyi_part_objects(const hyi_ref *refs, uint32_t count, const hyi_binning *binning, const hyi_split *split, hyi_ref *to_left,
                              hyi_ref *to_right, hyi_range *left, hyi_range *right) {
-    const hyi_four far_away = hyi_four_all(HYI_EMPTY_PLANE), far_below = hyi_four_all(-HYI_EMPTY_PLANE);
+    const hyi_four beyond[2] = {hyi_four_all(-HYI_EMPTY_PLANE), hyi_four_all(HYI_EMPTY_PLANE)};
+    const float bin = (float)split->bin;
     hyi_bounds l = hyi_bounds_empty(), r = hyi_bounds_empty();
-    uint32_t left_count = 0, right_count = 0;
+    hyi_ref *to[2] = {to_left, to_right};
+    uint32_t filled[2] = {0, 0};
     for (uint32_t i = 0; i < count; i++) {
+        uint32_t goes_right = hyi_is_before_bin(binning, &refs[i], split->axis, bin) ? 0u : 1u;
         hyi_ref ref = refs[i];
         hyi_bounds box = hyi_ref_box(&ref);
-        hyi_four centroid = hyi_centroid(&box);
-        int32_t bin[4];
-        hyi_bins_of(binning, centroid, bin);
-        uint32_t goes_left = (uint32_t)bin[split->axis] < split->bin ? 1u : 0u;
-        hyi_four below = goes_left ? far_below : far_away, above = goes_left ? far_away : far_below;
+        hyi_four centroid = hyi_centroid(&box), below = beyond[goes_right], above = beyond[1u - goes_right];
         l.lower = hyi_four_min(l.lower, hyi_four_max(centroid, below));
         l.upper = hyi_four_max(l.upper, hyi_four_min(centroid, above));
         r.lower = hyi_four_min(r.lower, hyi_four_max(centroid, above));
         r.upper = hyi_four_max(r.upper, hyi_four_min(centroid, below));
-        *(goes_left ? to_left + left_count : to_right + right_count) = ref;
-        left_count += goes_left;
-        right_count += 1u - goes_left;
+        to[goes_right][filled[goes_right]++] = ref;
     }
     hyi_begin_sides(left, right);
-    left->count = left_count;
-    right->count = right_count;
+    left->count = filled[0];
+    right->count = filled[1];
     left->centroids = l;
     right->centroids = r;
     left->box = split->left;
@@ -81,8 +78,8 @@ HYI_FN void hyi_part_objects(const hyi_ref *refs, uint32_t count, const hyi_binn
 }
 
 /* The same by a spatial split; room: how many references may be added. */
-HYI_FN void hyi_part_spatial(const hyi_build *build, const hyi_ref *refs, uint32_t count, const hyi_split *split, uint32_t room, hyi_ref *to_left,
-                             hyi_ref *to_right, hyi_range *left, hyi_range *right) {
+HYI_FN void hyi_part_spatial(const hyi_build *build, const hyi_ref *refs, uint32_t count, const hyi_split *split, uint32_t room,
+                             hyi_ref *to_left, hyi_ref *to_right, hyi_range *left, hyi_range *right) {
     hyi_begin_sides(left, right);
     for (uint32_t i = 0; i < count; i++) {
         hyi_ref ref = refs[i];

@@ -31,7 +31,6 @@ HYI_INLINE bool hyi_build_is_leaf(const hyi_build_node *node) { return (node->co
 /* What one chunk of the source has. */
 typedef struct hyi_chunk_sum {
     hyi_bounds box, centroids;
-    double area;
     uint32_t kept, first;
 } hyi_chunk_sum;
 
@@ -68,7 +67,7 @@ HYI_INLINE uint32_t hyi_ref_id(const hyi_ref *ref) {
     return bits & ~HYI_REF_ID_BITS;
 }
 
-/* The box with the id of another reference, or with its own where it was made from one: lane 3 is not kept by boxes. */
+/* Lane 3 of a box is not its own: the id is set anew. */
 HYI_INLINE void hyi_ref_set(hyi_ref *ref, const hyi_bounds *box, uint32_t id) {
     uint32_t bits = id | HYI_REF_ID_BITS;
     hyi_four_store(ref->lower, box->lower);
@@ -130,7 +129,6 @@ HYI_FN void hyi_fill_chunk(void *argument, uint32_t chunk) {
     sum.box = sum.centroids = hyi_bounds_empty();
     sum.first = build->chunks[chunk].first;
     sum.kept = 0;
-    sum.area = 0.0;
     hyi_ref *out = build->refs + sum.first;
     hyi_four scale = hyi_four_all(build->scale);
     uint32_t end = hyi_chunk_end(chunk, build->source_count);
@@ -178,9 +176,10 @@ HYI_FN void hyi_sum_chunks(hyi_build *build) {
 /* Allocates and fills the references, sets the bounds and the scale, and counts what is kept. Unscaled and without
    gaps, as references nearly always are, one pass does. */
 HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
-    uint32_t extra = build->best ? build->source_count / 100u * HYI_BUILD_EXTRA_PERCENT + build->source_count % 100u : 0u;
+    uint32_t room = HYI_PRIMITIVES_MAX - build->source_count; /* slots have as many bits */
+    uint32_t extra = build->best ? (uint32_t)((uint64_t)build->source_count * HYI_BUILD_EXTRA_PERCENT / 100u) : 0u;
     build->chunk_count = hyi_chunks_of(build->source_count);
-    build->capacity = build->source_count + extra;
+    build->capacity = build->source_count + (extra < room ? extra : room);
     build->scale = 1.0f;
     HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
     HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->capacity));

@@ -38,7 +38,8 @@ typedef struct hyi_corners {
 HYI_INLINE hyi_four hyi_four_size(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
 
 /* The corners of a triangle in the units of the tree. A point of an edge is p + (q - p) t, t = (plane - p) / (q - p)
-   along the axis: the roundings add up to less than 8 2^-24 (|p| + |q|), and denormals lost to less than 2^-120. */
+   along the axis: the roundings add up to less than 8 2^-24 (|p| + |q|), and what flushed denormals lose is less than
+   HYI_SPATIAL_TINY. */
 HYI_INLINE void hyi_load_corners(const hyi_build *build, uint32_t id, hyi_corners *corners) {
     hyi_four scale = hyi_four_all(build->scale), size = hyi_four_all(0.0f);
     for (uint32_t c = 0; c < 3; c++) {
@@ -52,10 +53,7 @@ HYI_INLINE void hyi_load_corners(const hyi_build *build, uint32_t id, hyi_corner
 
 /* The half space on one side of a plane, as a box. */
 HYI_INLINE hyi_four hyi_plane_lanes(int axis, float plane, float elsewhere) {
-    float lanes[4];
-    hyi_four_store(lanes, hyi_four_all(elsewhere));
-    lanes[axis] = plane;
-    return hyi_four_load(lanes);
+    return hyi_four_make(axis == 0 ? plane : elsewhere, axis == 1 ? plane : elsewhere, axis == 2 ? plane : elsewhere);
 }
 
 /* The box, which is that of a part of the triangle, cut by a plane: boxes of both parts. An empty one: no point of
@@ -124,13 +122,14 @@ HYI_INLINE uint32_t hyi_grid_end(const hyi_grid *grid, int axis, uint32_t begin,
     return (uint32_t)bin;
 }
 
+/* One loop for each array: of loops over several, gcc 12 at -O1 loses stores (its induction variables take the address
+   of one array from that of another). */
 HYI_FN void hyi_spatial_clear(hyi_spatial_bins *bins, const hyi_grid *grid) {
     for (int a = 0; a < 3; a++) {
-        for (uint32_t b = 0; b < grid->count; b++) {
-            bins->box[a][b] = hyi_bounds_empty();
-            bins->begins[a][b] = bins->ends[a][b] = 0;
-        }
+        for (uint32_t b = 0; b < grid->count; b++) bins->box[a][b] = hyi_bounds_empty();
     }
+    memset(bins->begins, 0, sizeof bins->begins);
+    memset(bins->ends, 0, sizeof bins->ends);
 }
 
 /* Adds the parts of one triangle to the bins from begin to end. */
@@ -169,11 +168,9 @@ HYI_FN void hyi_spatial_fill(hyi_spatial_bins *bins, const hyi_build *build, con
 
 HYI_FN void hyi_spatial_merge(hyi_spatial_bins *bins, const hyi_spatial_bins *more, const hyi_grid *grid) {
     for (int a = 0; a < 3; a++) {
-        for (uint32_t b = 0; b < grid->count; b++) {
-            hyi_bounds_add(&bins->box[a][b], more->box[a][b].lower, more->box[a][b].upper);
-            bins->begins[a][b] += more->begins[a][b];
-            bins->ends[a][b] += more->ends[a][b];
-        }
+        for (uint32_t b = 0; b < grid->count; b++) hyi_bounds_add(&bins->box[a][b], more->box[a][b].lower, more->box[a][b].upper);
+        for (uint32_t b = 0; b < grid->count; b++) bins->begins[a][b] += more->begins[a][b];
+        for (uint32_t b = 0; b < grid->count; b++) bins->ends[a][b] += more->ends[a][b];
     }
 }
 
@@ -256,9 +253,10 @@ HYI_INLINE void hyi_part_ref(const hyi_build *build, const hyi_split *split, con
         return;
     }
     float left_area = hyi_bounds_area(&split->left), right_area = hyi_bounds_area(&split->right);
-    float both = left_area * (float)split->left_count + right_area * (float)split->right_count;
-    float to_left = hyi_bounds_area_with(&split->left, box.lower, box.upper) * (float)split->left_count + right_area * ((float)split->right_count - 1.0f);
-    float to_right = left_area * ((float)split->left_count - 1.0f) + hyi_bounds_area_with(&split->right, box.lower, box.upper) * (float)split->right_count;
+    float lefts = (float)split->left_count, rights = (float)split->right_count;
+    float both = left_area * lefts + right_area * rights;
+    float to_left = hyi_bounds_area_with(&split->left, box.lower, box.upper) * lefts + right_area * (rights - 1.0f);
+    float to_right = left_area * (lefts - 1.0f) + hyi_bounds_area_with(&split->right, box.lower, box.upper) * rights;
     if (room && both <= to_left && both <= to_right) return;
     parts->left = to_left <= to_right;
     parts->right = !parts->left;

@@ -24,6 +24,7 @@ typedef struct hyi_bins {
    extent along that axis. */
 typedef struct hyi_binning {
     hyi_four origin, scale, last;
+    float origin_of[4], scale_of[4]; /* the same, by axis */
     uint32_t count;
     bool usable[3];
 } hyi_binning;
@@ -47,15 +48,17 @@ typedef struct hyi_split {
 
 HYI_INLINE hyi_binning hyi_make_binning(const hyi_bounds *centroids, uint32_t primitives) {
     hyi_binning binning;
-    float extent[4], scale[4] = {0.0f, 0.0f, 0.0f, 0.0f};
+    float extent[4];
+    memset(binning.scale_of, 0, sizeof binning.scale_of);
     binning.count = primitives < 8u * (HYI_BINS - 4u) ? 4u + primitives / 8u : HYI_BINS;
     hyi_four_store(extent, hyi_four_sub(centroids->upper, centroids->lower));
     for (int a = 0; a < 3; a++) {
         binning.usable[a] = extent[a] > 1.0e-30f;
-        if (binning.usable[a]) scale[a] = (float)binning.count / extent[a];
+        if (binning.usable[a]) binning.scale_of[a] = (float)binning.count / extent[a];
     }
     binning.origin = centroids->lower;
-    binning.scale = hyi_four_load(scale);
+    binning.scale = hyi_four_load(binning.scale_of);
+    hyi_four_store(binning.origin_of, binning.origin);
     binning.last = hyi_four_all((float)(binning.count - 1u));
     return binning;
 }
@@ -66,32 +69,57 @@ HYI_INLINE void hyi_bins_of(const hyi_binning *binning, hyi_four centroid, int32
     hyi_four_truncate(hyi_four_min(hyi_four_max(at, hyi_four_all(0.0f)), binning->last), bin);
 }
 
+/* Whether a primitive falls into a bin before one that is not the first: as hyi_bins_of says, with the same roundings. */
+HYI_INLINE bool hyi_is_before_bin(const hyi_binning *binning, const hyi_ref *ref, int axis, float bin) {
+    float centroid = hyi_rounded(ref->lower[axis] + ref->upper[axis]);
+    return hyi_rounded(hyi_rounded(centroid - binning->origin_of[axis]) * binning->scale_of[axis]) < bin;
+}
+
+/* A loop for each array: see hyi_spatial_clear. */
 HYI_FN void hyi_bins_clear(hyi_bins *bins, uint32_t count) {
     for (uint32_t b = 0; b < count; b++) {
         for (int a = 0; a < 3; a++) bins->box[b][a] = hyi_bounds_empty();
-        memset(bins->count[b], 0, sizeof bins->count[b]);
     }
-}
-
-HYI_FN void hyi_bins_fill(hyi_bins *bins, const hyi_binning *binning, const hyi_ref *refs, uint32_t count) {
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_bounds box = hyi_ref_box(&refs[i]);
-        int32_t bin[4];
-        hyi_bins_of(binning, hyi_centroid(&box), bin);
-        for (int a = 0; a < 3; a++) {
-            hyi_bounds_add(&bins->box[bin[a]][a], box.lower, box.upper);
-            bins->count[bin[a]][a]++;
-        }
-    }
+    memset(bins->count, 0, count * sizeof bins->count[0]);
 }
 
 HYI_FN void hyi_bins_merge(hyi_bins *bins, const hyi_bins *more, uint32_t count) {
     for (uint32_t b = 0; b < count; b++) {
-        for (int a = 0; a < 3; a++) {
-            hyi_bounds_add(&bins->box[b][a], more->box[b][a].lower, more->box[b][a].upper);
-            bins->count[b][a] += more->count[b][a];
-        }
+        for (int a = 0; a < 3; a++) hyi_bounds_add(&bins->box[b][a], more->box[b][a].lower, more->box[b][a].upper);
     }
+    for (uint32_t b = 0; b < count; b++) {
+        for (int a = 0; a < 3; a++) bins->count[b][a] += more->count[b][a];
+    }
+}
+
+HYI_INLINE void hyi_bins_add(hyi_bins *bins, const hyi_binning *binning, const hyi_ref *ref) {
+    hyi_bounds box = hyi_ref_box(ref);
+    int32_t bin[4];
+    hyi_bins_of(binning, hyi_centroid(&box), bin);
+    hyi_bounds_add(&bins->box[bin[0]][0], box.lower, box.upper);
+    hyi_bounds_add(&bins->box[bin[1]][1], box.lower, box.upper);
+    hyi_bounds_add(&bins->box[bin[2]][2], box.lower, box.upper);
+    bins->count[bin[0]][0]++;
+    bins->count[bin[1]][1]++;
+    bins->count[bin[2]][2]++;
+}
+
+/* Neighbours often share a bin, and would wait for each other there: in long ranges every other one has its own bins. */
+#define HYI_BINS_PAIRED (16u * HYI_BINS)
+
+HYI_FN void hyi_bins_fill(hyi_bins *bins, const hyi_binning *binning, const hyi_ref *refs, uint32_t count) {
+    hyi_bins odd;
+    uint32_t i = 0;
+    hyi_bins_clear(bins, binning->count);
+    if (count >= HYI_BINS_PAIRED) {
+        hyi_bins_clear(&odd, binning->count);
+        for (; i + 1u < count; i += 2u) {
+            hyi_bins_add(bins, binning, &refs[i]);
+            hyi_bins_add(&odd, binning, &refs[i + 1u]);
+        }
+        hyi_bins_merge(bins, &odd, binning->count);
+    }
+    for (; i < count; i++) hyi_bins_add(bins, binning, &refs[i]);
 }
 
 /* Expected cost of a subtree of count primitives, were it entered: leaves test up to HYI_LEAF_MAX at once, which

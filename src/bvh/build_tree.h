@@ -46,7 +46,6 @@ HYI_INLINE bool hyi_leaf_is_better(const hyi_build *build, const hyi_split *spli
 
 HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_range *range, const hyi_binning *binning) {
     const hyi_ref *refs = build->refs + range->first;
-    hyi_bins_clear(&work->bins, binning->count);
     hyi_bins_fill(&work->bins, binning, refs, range->count);
     hyi_split split = hyi_best_split(&work->bins, binning);
     if (!hyi_spatial_pays(build, range, &split)) return split;
@@ -58,7 +57,8 @@ HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_r
 }
 
 /* Cuts by a split; false: all went to one side, and nothing is done. */
-HYI_FN bool hyi_part_small(hyi_build *build, const hyi_range *range, const hyi_binning *binning, const hyi_split *split, hyi_range *left, hyi_range *right) {
+HYI_FN bool hyi_part_small(hyi_build *build, const hyi_range *range, const hyi_binning *binning, const hyi_split *split,
+                           hyi_range *left, hyi_range *right) {
     hyi_ref *refs = build->refs + range->first, *scratch = build->other + range->first;
     if (split->spatial) hyi_part_spatial(build, refs, range->count, split, range->capacity - range->count, refs, scratch, left, right);
     else hyi_part_objects(refs, range->count, binning, split, refs, scratch, left, right);
@@ -106,9 +106,7 @@ HYI_FN void hyi_build_subtree(void *argument, uint32_t index) {
 HYI_FN void hyi_bin_chunk(void *argument, uint32_t chunk) {
     hyi_large *large = (hyi_large *)argument;
     uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, large->range.count);
-    hyi_bins *bins = &large->build->chunk_splits[chunk].bins;
-    hyi_bins_clear(bins, large->binning.count);
-    hyi_bins_fill(bins, &large->binning, large->from + begin, end - begin);
+    hyi_bins_fill(&large->build->chunk_splits[chunk].bins, &large->binning, large->from + begin, end - begin);
 }
 
 HYI_FN void hyi_spatial_chunk(void *argument, uint32_t chunk) {
@@ -149,7 +147,8 @@ HYI_FN void hyi_scatter_chunk(void *argument, uint32_t chunk) {
     uint32_t begin = chunk * HYI_BUILD_CHUNK, count = hyi_chunk_end(chunk, large->range.count) - begin;
     hyi_ref *left = large->to_left + piece->left_first, *right = large->to_right + piece->right_first;
     if (large->split.spatial) {
-        hyi_part_spatial(large->build, large->from + begin, count, &large->split, UINT32_MAX - count, left, right, &piece->left, &piece->right);
+        hyi_part_spatial(large->build, large->from + begin, count, &large->split, UINT32_MAX - count, left, right, &piece->left,
+                         &piece->right);
     } else {
         hyi_part_objects(large->from + begin, count, &large->binning, &large->split, left, right, &piece->left, &piece->right);
     }
@@ -186,6 +185,33 @@ HYI_FN bool hyi_choose_spatial(hyi_large *large, uint32_t chunks, hyi_range *lef
     return false;
 }
 
+/* The best object split, from bins that all chunks fill. */
+HYI_FN void hyi_choose_object(hyi_large *large, uint32_t chunks) {
+    hyi_build *build = large->build;
+    hyi_parallel(build->context, chunks, hyi_bin_chunk, large);
+    hyi_bins bins = build->chunk_splits[0].bins;
+    for (uint32_t c = 1; c < chunks; c++) hyi_bins_merge(&bins, &build->chunk_splits[c].bins, large->binning.count);
+    large->split = hyi_best_split(&bins, &large->binning);
+}
+
+/* Moves the references of counted chunks to the other array, and measures both sides. */
+HYI_FN void hyi_part_large(hyi_large *large, uint32_t chunks, hyi_range *left, hyi_range *right) {
+    hyi_build *build = large->build;
+    hyi_link_children(build, &large->range, left, right);
+    left->in_other = right->in_other = !large->range.in_other;
+    large->to_left = (large->range.in_other ? build->refs : build->other) + left->first;
+    large->to_right = large->to_left + left->capacity;
+    hyi_parallel(build->context, chunks, hyi_scatter_chunk, large);
+    left->box = left->centroids = right->box = right->centroids = hyi_bounds_empty();
+    for (uint32_t c = 0; c < chunks; c++) {
+        hyi_chunk_split *piece = &build->chunk_splits[c];
+        hyi_bounds_add(&left->box, piece->left.box.lower, piece->left.box.upper);
+        hyi_bounds_add(&right->box, piece->right.box.lower, piece->right.box.upper);
+        hyi_bounds_add(&left->centroids, piece->left.centroids.lower, piece->left.centroids.upper);
+        hyi_bounds_add(&right->centroids, piece->right.centroids.lower, piece->right.centroids.upper);
+    }
+}
+
 HYI_FN void hyi_split_large(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
     hyi_large large;
     uint32_t chunks = hyi_chunks_of(range->count);
@@ -193,11 +219,8 @@ HYI_FN void hyi_split_large(hyi_build *build, const hyi_range *range, hyi_range 
     large.range = *range;
     large.binning = hyi_make_binning(&range->centroids, range->count);
     large.from = (range->in_other ? build->other : build->refs) + range->first;
-    hyi_parallel(build->context, chunks, hyi_bin_chunk, &large);
-    hyi_bins bins = build->chunk_splits[0].bins;
-    for (uint32_t c = 1; c < chunks; c++) hyi_bins_merge(&bins, &build->chunk_splits[c].bins, large.binning.count);
-    large.split = hyi_best_split(&bins, &large.binning);
     bool short_of_depth = hyi_depth_is_short(range->depth, range->count);
+    if (!short_of_depth) hyi_choose_object(&large, chunks);
     bool spatial = !short_of_depth && hyi_choose_spatial(&large, chunks, left, right);
     if (short_of_depth || large.split.axis < 0) {
         hyi_split_middle(build, range, left, right);
@@ -207,19 +230,7 @@ HYI_FN void hyi_split_large(hyi_build *build, const hyi_range *range, hyi_range 
         hyi_count_object_chunks(&large, chunks);
         hyi_place_chunks(&large, chunks, left, right);
     }
-    hyi_link_children(build, range, left, right);
-    left->in_other = right->in_other = !range->in_other;
-    large.to_left = (range->in_other ? build->refs : build->other) + left->first;
-    large.to_right = large.to_left + left->capacity;
-    hyi_parallel(build->context, chunks, hyi_scatter_chunk, &large);
-    left->box = left->centroids = right->box = right->centroids = hyi_bounds_empty();
-    for (uint32_t c = 0; c < chunks; c++) {
-        hyi_chunk_split *piece = &build->chunk_splits[c];
-        hyi_bounds_add(&left->box, piece->left.box.lower, piece->left.box.upper);
-        hyi_bounds_add(&right->box, piece->right.box.lower, piece->right.box.upper);
-        hyi_bounds_add(&left->centroids, piece->left.centroids.lower, piece->left.centroids.upper);
-        hyi_bounds_add(&right->centroids, piece->right.centroids.lower, piece->right.centroids.upper);
-    }
+    hyi_part_large(&large, chunks, left, right);
 }
 
 /* ---- the whole tree */
