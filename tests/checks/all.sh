@@ -39,8 +39,14 @@ fi
 # It did not get to its count, or the count hides something: that is one failure more.
 if [ -z "$counts" ] || { [[ " ${bad[*]-} " == *" unit "* ]] && [ "$(cut -d' ' -f3 <<< "$counts")" -eq 0 ]; }; then failed=$((failed + 1)); fi
 
-one test-asan
-one test-tsan
+# Both sanitizers side by side: their programs run in one thread for most of the time.
+stage test-asan &
+asan=$!
+stage test-tsan &
+tsan=$!
+for run in "$asan test-asan" "$tsan test-tsan"; do
+    if wait "${run% *}"; then passed=$((passed + 1)); else failed=$((failed + 1)) bad+=("${run#* }"); fi
+done
 one test-readme
 for example in ${EXAMPLES-}; do one "$example"; done
 
