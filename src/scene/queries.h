@@ -106,17 +106,17 @@ HYI_FN void hyi_query_end(hyi_query *query) {
     hyi_free_array(query->scene->context, &query->found, query->found_count);
 }
 
-/* Without the memory for it, rays go one by one. */
+/* Without the memory for it, rays go one by one. Quiet on failure: the error text is not a query's to write. */
 HYI_FN hyi_query hyi_query_begin(const hydra_scene *scene, size_t count, bool any) {
     hyi_query query;
     memset(&query, 0, sizeof query);
     query.scene = scene;
     query.batch = HYI_QUERY_BATCH;
     if (count < HYI_STREAM_LEAST || hyi_ray_stream_alloc(scene->context, &scene->accel, count, &query.stream) != HYDRA_OK) return query;
-    query.batch = count < HYI_STREAM_SORTED ? count : HYI_STREAM_SORTED;
-    if (any || query.stream.capacity == 0) return query;
-    if (hyi_alloc_array(scene->context, &query.found, query.batch) == HYDRA_OK) query.found_count = query.batch;
-    else query.batch = HYI_QUERY_BATCH;
+    size_t batch = count < HYI_STREAM_SORTED ? count : HYI_STREAM_SORTED;
+    bool whole = any || (query.stream.capacity > 0 && hyi_try_alloc(scene->context, batch * sizeof *query.found, (void **)&query.found) == HYDRA_OK);
+    if (whole) query.batch = batch;
+    if (query.found) query.found_count = batch;
     return query;
 }
 
