@@ -138,6 +138,10 @@ extern "C" {
     X(HYDRA_ERROR_RAY, "a ray is not finite, has no direction, or t_min > t_max")                    \
     X(HYDRA_ERROR_THREADS, "no thread could be started")                                             \
     X(HYDRA_ERROR_ISA, "this machine or build lacks the instruction set asked for")                  \
+    X(HYDRA_ERROR_DEVICE, "no device, or it lacks something that is needed")                         \
+    X(HYDRA_ERROR_DEVICE_LIMIT, "a buffer is larger than the device can bind")                       \
+    X(HYDRA_ERROR_DEVICE_MEMORY, "the device has no memory left, or its cap would be exceeded")      \
+    X(HYDRA_ERROR_DEVICE_LOST, "the device was lost")                                                \
     X(HYDRA_ERROR_SELFTEST, "the self-test found a wrong answer")
 
 typedef enum hydra_result {
@@ -707,6 +711,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>base-platform            compiler, instruction sets, atomics, threads, time
      >>base-context             the context, its errors, log, memory and threads
      >>base-threads             a pool that runs one loop at a time
+     >>base-backend             what a context offers that computes elsewhere than on its threads
      >>base-create              contexts, and the text of results
      >>shared-language          what lets one source be C99, C++11 and GLSL 4.60
      >>shared-vector            scalars and vectors under one name in C and GLSL
@@ -732,6 +737,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>shared-light             choosing a light and a direction to it, and the density of that choice
      >>shared-camera            rays of the sensors
      >>shared-path              one vertex of a path: emission found, light sampled, next direction
+     >>shared-passes            what passes over a pool of lanes hand to each other, and how a lane begins
      >>bvh-layout               what a built tree looks like in memory
      >>bvh-build-vector         four floats at a time for the builder: boxes as two of them
      >>bvh-build-refs           the primitives of a build: boxes and ids, degenerate triangles dropped
@@ -1011,12 +1017,15 @@ HYI_FN bool hyi_has_avx512(void) {
 #define HYI_CONTEXT_H
 
 typedef struct hyi_pool hyi_pool;
+struct hyi_backend;
 
 struct hydra_context {
     hydra_context_desc desc;
     hydra_isa isa;
     uint32_t threads;
     hyi_pool *pool; /* NULL: one thread, or the caller's parallel_for */
+    const struct hyi_backend *backend; /* NULL: work is done on the threads (backend.h) */
+    void *device;                      /* the backend's */
     uint32_t scenes_living;
     hyi_atomic bytes_now, bytes_peak, allocations_now;
     char error[512];
@@ -1301,6 +1310,33 @@ HYI_FN void hyi_parallel(const hydra_context *context, uint32_t count, hyi_task 
 
 #endif /* HYI_THREADS_H */
 
+/* >>base-backend: what a context offers that computes elsewhere than on its threads
+
+   Scenes, films, schedules and error bars are the host's; a backend is told when a scene was committed, traces rays, and
+   takes units of a render's round and hands their lanes to hyi_accumulate. */
+#ifndef HYI_BACKEND_H
+#define HYI_BACKEND_H
+
+struct hyk_hit;
+
+
+/* Any of them may be called only while the object it is about lives. Those that fail say why in the context's text, but
+   for trace, which many threads may call. */
+typedef struct hyi_backend {
+    void (*destroy)(hydra_context *context);
+    /* dirty: HYI_DIRTY_... since the last commit that succeeded. */
+    hydra_result (*commit)(hydra_scene *scene, uint32_t dirty);
+    void (*forget_scene)(hydra_scene *scene);
+    hydra_result (*begin_render)(hydra_render *render);
+    void (*end_render)(hydra_render *render);
+    /* Takes units of the round until it is empty or time is up; all that were taken are finished on return. */
+    hydra_result (*work)(hydra_render *render);
+    /* hits, or else occluded; light shapes included. HYDRA_ERROR_RAY: some were not sound; they meet nothing. */
+    hydra_result (*trace)(const hydra_scene *scene, const hydra_ray *rays, struct hyk_hit *hits, uint8_t *occluded, uint32_t count);
+} hyi_backend;
+
+#endif /* HYI_BACKEND_H */
+
 /* >>base-create: contexts, and the text of results */
 #ifndef HYI_CREATE_H
 #define HYI_CREATE_H
@@ -1381,6 +1417,7 @@ HYDRA_API hydra_result hydra_destroy(hydra_context *context) {
 #if !defined(HYDRA_NO_THREADS)
     hyi_pool_destroy(context);
 #endif
+    if (context->backend) context->backend->destroy(context);
     hydra_allocator allocator = context->desc.allocator;
     allocator.release(allocator.user, context, sizeof *context);
     return HYDRA_OK;
@@ -1646,6 +1683,9 @@ HYK_FN hyk_vec3 hyk_to_world(hyk_frame f, hyk_vec3 v) {
 #define HYK_NEEDS_ENVIRONMENT_MAP 0x400u
 #define HYK_NEEDS_INSTANCES 0x800u
 #define HYK_NEEDS_SMOOTH_NORMALS 0x1000u
+/* What a white Lambert surface under any light can need, textured emitters included: kernels at a sensor's points. */
+#define HYK_NEEDS_AT_POINTS                                                                                                   \
+    (HYK_NEEDS_EMITTERS | HYK_NEEDS_SHAPES | HYK_NEEDS_SUNS | HYK_NEEDS_ENVIRONMENT | HYK_NEEDS_ENVIRONMENT_MAP | HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA)
 #define HYK_HAS(features, feature) (((features) & (feature)) != 0u)
 
 HYK_STRUCT(hyk_ray) {
@@ -1857,6 +1897,12 @@ HYK_SIZE_IS(hyk_light_node, 64)
 #define HYK_BINDING_ENVIRONMENT 14
 #define HYK_BINDING_ENVIRONMENT_CDF 15
 #define HYK_BINDING_ENERGY_TABLES 16
+/* What rays walk through on a device (tree.h); in C it is hyi_accel. */
+#define HYK_BINDING_TREES 17
+#define HYK_BINDING_NODES 18
+#define HYK_BINDING_SLOTS 19
+#define HYK_BINDING_WORLD_FIRST 20
+#define HYK_SCENE_BINDINGS 21
 
 #ifdef HYK_GLSL
 
@@ -2132,6 +2178,14 @@ HYK_FN hyk_uint hyk_morton_spread(hyk_uint x) {
     x = (x | (x << 4)) & 0x0f0f0f0fu;
     x = (x | (x << 2)) & 0x33333333u;
     return (x | (x << 1)) & 0x55555555u;
+}
+/* And gathers them again. */
+HYK_FN hyk_uint hyk_morton_even_bits(hyk_uint x) {
+    x &= 0x55555555u;
+    x = (x | (x >> 1)) & 0x33333333u;
+    x = (x | (x >> 2)) & 0x0f0f0f0fu;
+    x = (x | (x >> 4)) & 0x00ff00ffu;
+    return (x | (x >> 8)) & 0x0000ffffu;
 }
 HYK_FN hyk_uint hyk_morton(hyk_uint x, hyk_uint y) { return hyk_morton_spread(x) | (hyk_morton_spread(y) << 1); }
 
@@ -5193,6 +5247,168 @@ HYK_FN hyk_scatter hyk_shade_point(hyk_view view, hyk_path_settings settings, hy
 
 #endif /* HYK_PATH_H */
 
+/* >>shared-passes: what passes over a pool of lanes hand to each other, and how a lane begins
+
+   A lane is one sample of one pixel. Its path, its hit, its shadow ray and its result stand at the lane's number in one
+   buffer each; which lanes are at work stands in queues of lane numbers. */
+#ifndef HYK_PASSES_H
+#define HYK_PASSES_H
+
+/* All that the samples of a picture depend on beside the scene. */
+HYK_STRUCT(hyk_picture) {
+    hyk_camera camera;
+    hyk_path_settings settings;
+    hyk_uint max_depth;
+    hyk_uint tile_pixels;
+    hyk_uint tile_width;
+    hyk_uint tile_is_square;
+    hyk_uint seed_even, seed_odd;      /* of the two halves of the samples */
+    hyk_uint left, top, right, bottom; /* pixels outside are not traced */
+} HYK_END(hyk_picture)
+HYK_SIZE_IS(hyk_picture, 144)
+
+/* Some samples of all pixels of a tile; sample s of pixel p is lane p * samples + s of the unit's lanes. */
+HYK_STRUCT(hyk_unit) {
+    hyk_uint tile_x, tile_y; /* its first pixel */
+    hyk_uint first_sample, samples;
+} HYK_END(hyk_unit)
+HYK_SIZE_IS(hyk_unit, 16)
+
+#define HYK_LANE_USED 1u   /* the pixel is inside the picture */
+#define HYK_LANE_HIT 2u    /* the sensor's ray met something, or the sensor is a point */
+#define HYK_LANE_INSIDE 4u /* the first ray from a sensor's point met a back face */
+
+/* What a device gives back of a lane: its radiance, or the first part of it where components are told apart. */
+HYK_STRUCT(hyk_lane_radiance) {
+    hyk_vec3 radiance;
+    hyk_uint flags;
+} HYK_END(hyk_lane_radiance)
+HYK_SIZE_IS(hyk_lane_radiance, 16)
+
+/* The rest, where it is wanted: the parts after the first, and what the sensor's ray met. */
+HYK_STRUCT(hyk_lane_extra) {
+    hyk_vec3 indirect;
+    hyk_uint instance;
+    hyk_vec3 caustic;
+    hyk_uint primitive;
+    hyk_vec3 irradiance;
+    hyk_uint unused;
+    hyk_first_surface first;
+} HYK_END(hyk_lane_extra)
+HYK_SIZE_IS(hyk_lane_extra, 96)
+
+/* A shadow ray, and what its lane gets if nothing is in the way. */
+HYK_STRUCT(hyk_shadow) {
+    hyk_ray ray;
+    hyk_vec3 diffuse;
+    hyk_uint diffuse_component;
+    hyk_vec3 specular;
+    hyk_uint specular_component;
+    hyk_vec3 irradiance;
+    hyk_uint unused;
+} HYK_END(hyk_shadow)
+HYK_SIZE_IS(hyk_shadow, 80)
+
+/* ---- a device's buffers for them, set 1 */
+
+#define HYK_BINDING_PICTURE 0
+#define HYK_BINDING_UNITS 1
+#define HYK_BINDING_SENSOR 2   /* POINTS: position and normal of each; RAYS: hyk_ray each */
+#define HYK_BINDING_COUNTS 3
+#define HYK_BINDING_QUEUES 4   /* three of them, pool_lanes long each: paths, paths, shadow rays */
+#define HYK_BINDING_PATHS 5
+#define HYK_BINDING_HITS 6
+#define HYK_BINDING_SHADOWS 7
+#define HYK_BINDING_RADIANCE 8
+#define HYK_BINDING_EXTRAS 9
+#define HYK_PASS_BINDINGS 10
+
+#define HYK_GROUP 64u /* lanes of a workgroup */
+
+/* What trace.comp is made for; odd: any hit does. */
+#define HYK_TRACE_PATHS 0u
+#define HYK_TRACE_SHADOWS 1u
+#define HYK_TRACE_RAYS 2u        /* of the caller: SENSOR to HITS */
+#define HYK_TRACE_RAYS_ANY 3u    /* SENSOR to QUEUES: 1 or 0 for each */
+
+/* Arguments of an indirect dispatch: workgroups. */
+HYK_STRUCT(hyk_groups) {
+    hyk_uint x, y, z, unused;
+} HYK_END(hyk_groups)
+
+/* How many lanes are in each queue. Shading appends to paths_next and shadows_next; the arguments pass makes them the
+   counts of the passes that follow. */
+HYK_STRUCT(hyk_counts) {
+    hyk_groups path_groups, shadow_groups;
+    hyk_uint paths, shadows;
+    hyk_uint paths_next, shadows_next;
+    hyk_uint rays_path, rays_shadow; /* of the batch so far */
+    hyk_uint front;                  /* queue of paths that is read now: 0 or 1 */
+    hyk_uint unused;
+} HYK_END(hyk_counts)
+HYK_SIZE_IS(hyk_counts, 64)
+
+/* Small facts of one dispatch, as push constants. */
+HYK_STRUCT(hyk_dispatch) {
+    hyk_uint lanes;         /* of all units together, or rays */
+    hyk_uint pool_lanes;    /* length of a queue */
+    hyk_uint lanes_of_unit; /* at most: its samples are those of the fullest unit */
+    hyk_uint unused;
+} HYK_END(hyk_dispatch)
+
+/* ---- the first ray of a lane */
+
+/* Even samples belong to one half of the estimate, odd ones to the other: two independent sequences. */
+HYK_FN hyk_sampler hyk_lane_sampler(hyk_picture picture, hyk_uint x, hyk_uint y, hyk_uint sample_number) {
+    return hyk_make_sampler(x, y, sample_number >> 1, (sample_number & 1u) != 0u ? picture.seed_odd : picture.seed_even);
+}
+
+/* A ray as the caller gave it, with a unit direction. */
+HYK_FN hyk_ray hyk_callers_ray(hyk_ray given) {
+    hyk_real stretch = hyk_length(given.direction);
+    hyk_ray ray;
+    ray.origin = given.origin;
+    ray.direction = hyk_normalize(given.direction);
+    ray.t_min = given.t_min * stretch;
+    ray.t_max = given.t_max < HYK_REAL_MAX / hyk_max(stretch, 1.0f) ? given.t_max * stretch : HYK_REAL_MAX;
+    return ray;
+}
+
+HYK_FN hyk_ray hyk_sensor_ray(hyk_camera camera, hyk_uint x, hyk_uint y, hyk_sampler random) {
+    hyk_vec2 lens = hyk_make2(0.0f, 0.0f);
+    if (camera.kind == HYK_SENSOR_THIN_LENS) lens = hyk_sample_pair(random, HYK_PAIR_LENS);
+    return hyk_camera_ray(camera, hyk_film_point(camera, x, y, hyk_sample_pair(random, HYK_PAIR_FILM)), lens);
+}
+
+HYK_FN hyk_path hyk_first_path(hyk_picture picture, hyk_ray ray, hyk_sampler random, hyk_uint lane, hyk_uint features) {
+    if (ray.t_max >= HYK_REAL_MAX) ray.t_max = hyk_salted_infinity(random, HYK_NONE, features);
+    return hyk_begin_path(ray, random, lane, picture.max_depth, picture.camera.start_width, picture.camera.spread);
+}
+
+/* Before the scattering at a sensor's point: no ray yet. */
+HYK_FN hyk_path hyk_point_path(hyk_picture picture, hyk_sampler random, hyk_uint lane) {
+    hyk_ray none;
+    none.origin = hyk_zero3();
+    none.t_min = 0.0f;
+    none.direction = hyk_zero3();
+    none.t_max = 0.0f;
+    return hyk_begin_path(none, random, lane, picture.max_depth, 0.0f, picture.camera.spread);
+}
+
+/* Where pixel i of a tile lies in it: along the Morton curve where the tile is square, else in rows. */
+HYK_FN hyk_uint hyk_tile_column(hyk_uint tile_width, hyk_uint is_square, hyk_uint i) {
+    return is_square != 0u ? hyk_morton_even_bits(i) : i % tile_width;
+}
+HYK_FN hyk_uint hyk_tile_row(hyk_uint tile_width, hyk_uint is_square, hyk_uint i) {
+    return is_square != 0u ? hyk_morton_even_bits(i >> 1) : i / tile_width;
+}
+
+HYK_FN hyk_bool hyk_picture_holds(hyk_picture picture, hyk_uint x, hyk_uint y) {
+    return x >= picture.left && x < picture.right && y >= picture.top && y < picture.bottom;
+}
+
+#endif /* HYK_PASSES_H */
+
 /* >>bvh-layout: what a built tree looks like in memory
 
    Eight-wide nodes: one AVX register holds one plane of all eight children. A leaf has one to eight
@@ -5290,6 +5506,16 @@ HYI_INLINE void hyi_box_add(hyi_box *box, const float *lower, const float *upper
     }
 }
 
+/* The largest size of a coordinate. */
+HYI_INLINE float hyi_box_largest(const hyi_box *box) {
+    float largest = 0.0f;
+    for (int a = 0; a < 3; a++) {
+        largest = fabsf(box->lower[a]) > largest ? fabsf(box->lower[a]) : largest;
+        largest = fabsf(box->upper[a]) > largest ? fabsf(box->upper[a]) : largest;
+    }
+    return largest;
+}
+
 /* Half of the surface, in double: squares of the smallest and largest floats stay in range. Empty: 0. */
 HYI_INLINE double hyi_box_area(const hyi_box *box) {
     double x = (double)box->upper[0] - (double)box->lower[0];
@@ -5297,6 +5523,34 @@ HYI_INLINE double hyi_box_area(const hyi_box *box) {
     double z = (double)box->upper[2] - (double)box->lower[2];
     return x < 0.0 ? 0.0 : x * y + y * z + z * x;
 }
+
+/* ---- nodes, for whoever does not build or pass them: all that knows how they lie in memory */
+
+/* HYI_CHILD_NONE: there is no such child, nor one behind it. */
+HYI_INLINE uint32_t hyi_node_child(const hyi_bvh *bvh, uint32_t node, uint32_t c) { return bvh->nodes[node].child[c]; }
+
+/* In the tree's units. */
+HYI_INLINE hyi_box hyi_node_box(const hyi_bvh *bvh, uint32_t node, uint32_t c) {
+    hyi_box box;
+    for (int a = 0; a < 3; a++) {
+        box.lower[a] = bvh->nodes[node].planes[2 * a][c];
+        box.upper[a] = bvh->nodes[node].planes[2 * a + 1][c];
+    }
+    return box;
+}
+
+/* Gives the first count children, which are all, new boxes, in the tree's units. */
+HYI_INLINE void hyi_node_move(hyi_bvh *bvh, uint32_t node, const hyi_box *boxes, uint32_t count) {
+    for (int a = 0; a < 3; a++) {
+        for (uint32_t c = 0; c < count; c++) {
+            bvh->nodes[node].planes[2 * a][c] = boxes[c].lower[a];
+            bvh->nodes[node].planes[2 * a + 1][c] = boxes[c].upper[a];
+        }
+    }
+}
+
+/* Where the first float of a triangle lies in its leaf; the other eight follow at distances of count. */
+HYI_INLINE float *hyi_leaf_lane(const hyi_bvh *bvh, uint32_t first, uint32_t lane) { return bvh->rows + 9u * (size_t)first + lane; }
 
 #endif /* HYI_BVH_LAYOUT_H */
 
@@ -5398,6 +5652,8 @@ HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) {
 HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return a.f[0] > b.f[0] || a.f[1] > b.f[1] || a.f[2] > b.f[2]; }
 
 #endif
+
+HYI_INLINE hyi_four hyi_four_abs(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
 
 /* Keeps a value as rounded, so that it is the same wherever it is computed again: see hyi_rounded. */
 HYI_INLINE hyi_four hyi_four_rounded(hyi_four a) {
@@ -5613,11 +5869,7 @@ HYI_FN void hyi_fill_chunk(void *argument, uint32_t chunk) {
 
 /* The power of two that brings the largest coordinate to about 1, or 1 where it is within 2^20 of that. */
 HYI_FN float hyi_build_scale(const hyi_box *box) {
-    float largest = 0.0f;
-    for (int a = 0; a < 3; a++) {
-        largest = fabsf(box->lower[a]) > largest ? fabsf(box->lower[a]) : largest;
-        largest = fabsf(box->upper[a]) > largest ? fabsf(box->upper[a]) : largest;
-    }
+    float largest = hyi_box_largest(box);
     int exponent = 0;
     (void)frexpf(largest, &exponent);
     if (largest <= 0.0f || (exponent >= -20 && exponent <= 20)) return 1.0f;
@@ -5886,8 +6138,6 @@ typedef struct hyi_corners {
     hyi_four slop; /* more than the error of a point computed on an edge */
 } hyi_corners;
 
-HYI_INLINE hyi_four hyi_four_size(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
-
 /* The corners of a triangle in the units of the tree. A point of an edge is p + (q - p) t, t = (plane - p) / (q - p)
    along the axis: the roundings add up to less than 8 2^-24 (|p| + |q|), and what flushed denormals lose is less than
    HYI_SPATIAL_TINY. */
@@ -5897,7 +6147,7 @@ HYI_INLINE void hyi_load_corners(const hyi_build *build, uint32_t id, hyi_corner
         const float *p = hyi_source_corner(build, id, c);
         hyi_four corner = hyi_four_mul(hyi_four_make(p[0], p[1], p[2]), scale);
         hyi_four_store(corners->at[c], corner);
-        size = hyi_four_max(size, hyi_four_size(corner));
+        size = hyi_four_max(size, hyi_four_abs(corner));
     }
     corners->slop = hyi_four_add(hyi_four_mul(size, hyi_four_all(HYI_SPATIAL_SLOP)), hyi_four_all(HYI_SPATIAL_TINY));
 }
@@ -7006,34 +7256,6 @@ HYI_FN hydra_result hyi_bvh_build_boxes(hydra_context *context, const hyi_box *b
 #ifndef HYI_BVH_REFIT_H
 #define HYI_BVH_REFIT_H
 
-/* ---- nodes, for whoever does not build or pass them: all that knows how they lie in memory */
-
-/* HYI_CHILD_NONE: there is no such child, nor one behind it. */
-HYI_INLINE uint32_t hyi_node_child(const hyi_bvh *bvh, uint32_t node, uint32_t c) { return bvh->nodes[node].child[c]; }
-
-/* In the tree's units. */
-HYI_INLINE hyi_box hyi_node_box(const hyi_bvh *bvh, uint32_t node, uint32_t c) {
-    hyi_box box;
-    for (int a = 0; a < 3; a++) {
-        box.lower[a] = bvh->nodes[node].planes[2 * a][c];
-        box.upper[a] = bvh->nodes[node].planes[2 * a + 1][c];
-    }
-    return box;
-}
-
-/* Gives the first count children, which are all, new boxes, in the tree's units. */
-HYI_INLINE void hyi_node_move(hyi_bvh *bvh, uint32_t node, const hyi_box *boxes, uint32_t count) {
-    for (int a = 0; a < 3; a++) {
-        for (uint32_t c = 0; c < count; c++) {
-            bvh->nodes[node].planes[2 * a][c] = boxes[c].lower[a];
-            bvh->nodes[node].planes[2 * a + 1][c] = boxes[c].upper[a];
-        }
-    }
-}
-
-/* Where the first float of a triangle lies in its leaf; the other eight follow at distances of count. */
-HYI_INLINE float *hyi_leaf_lane(const hyi_bvh *bvh, uint32_t first, uint32_t lane) { return bvh->rows + 9u * (size_t)first + lane; }
-
 /* ---- boxes of points as the caller gave them: in any part of float's range */
 
 HYI_INLINE hyi_bounds hyi_raw_empty(void) {
@@ -7050,7 +7272,6 @@ HYI_INLINE hyi_box hyi_box_of(const hyi_bounds *bounds) {
 }
 
 HYI_INLINE hyi_four hyi_point(const float *p) { return hyi_four_make(p[0], p[1], p[2]); }
-HYI_INLINE hyi_four hyi_four_abs(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
 
 /* x, y and z, each stride floats behind the other. */
 HYI_INLINE void hyi_four_scatter(hyi_four a, float *to, uint32_t stride) {
@@ -7289,11 +7510,7 @@ HYI_FN hyi_refit_sum hyi_refit_pass(hyi_refit *refit, hyi_bounds *box) {
 
 /* Whether a scale keeps coordinates as near to 1 as hyi_build_scale wants them; those far below may be anywhere. */
 HYI_FN bool hyi_scale_serves(float scale, const hyi_box *box, bool from_below) {
-    float largest = 0.0f;
-    for (int a = 0; a < 3; a++) {
-        largest = fabsf(box->lower[a]) > largest ? fabsf(box->lower[a]) : largest;
-        largest = fabsf(box->upper[a]) > largest ? fabsf(box->upper[a]) : largest;
-    }
+    float largest = hyi_box_largest(box);
     int exponent = 0;
     (void)frexp((double)largest * (double)scale, &exponent);
     return largest <= 0.0f || (exponent <= 20 && (exponent >= -20 || !from_below));
@@ -8485,7 +8702,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
     }
 }
 
-/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+/* One of the instances that a ray meets; argument: hyi_visit_of. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
     const hyi_visit_of *of = (const hyi_visit_of *)argument;
     hyi_site site = hyi_site_of_item(of->accel, item);
@@ -8912,7 +9129,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
     }
 }
 
-/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+/* One of the instances that a ray meets; argument: hyi_visit_of. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
     const hyi_visit_of *of = (const hyi_visit_of *)argument;
     hyi_site site = hyi_site_of_item(of->accel, item);
@@ -9895,7 +10112,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
     }
 }
 
-/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+/* One of the instances that a ray meets; argument: hyi_visit_of. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
     const hyi_visit_of *of = (const hyi_visit_of *)argument;
     hyi_site site = hyi_site_of_item(of->accel, item);
@@ -11038,7 +11255,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
     }
 }
 
-/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+/* One of the instances that a ray meets; argument: hyi_visit_of. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
     const hyi_visit_of *of = (const hyi_visit_of *)argument;
     hyi_site site = hyi_site_of_item(of->accel, item);
@@ -12178,7 +12395,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
     }
 }
 
-/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+/* One of the instances that a ray meets; argument: hyi_visit_of. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
     const hyi_visit_of *of = (const hyi_visit_of *)argument;
     hyi_site site = hyi_site_of_item(of->accel, item);
@@ -13286,6 +13503,7 @@ typedef struct hyi_light_slot {
 
 struct hydra_scene {
     hydra_context *context;
+    void *device; /* the backend's */
     uint32_t renders_living;
     hydra_result pending; /* of the first add that failed since the last commit */
     char pending_text[sizeof ((hydra_context *)0)->error];
@@ -13452,6 +13670,7 @@ HYDRA_API hydra_result hydra_scene_destroy(hydra_scene *scene) {
     if (!scene) return HYDRA_OK;
     hydra_context *context = scene->context;
     if (scene->renders_living) return hyi_fail(context, HYDRA_ERROR_BUSY, "%u renders of the scene are alive", scene->renders_living);
+    if (context->backend) context->backend->forget_scene(scene);
     hyi_free_lights(scene);
     hyi_free_placement(scene);
     hyi_free_world(scene);
@@ -16195,6 +16414,7 @@ HYDRA_API hydra_result hydra_scene_commit(hydra_scene *scene) {
     if (scene->renders_living) return hyi_fail(scene->context, HYDRA_ERROR_BUSY, "hydra_scene_commit: %u renders of the scene are alive", scene->renders_living);
     HYI_TRY(hyi_report_pending(scene));
     HYI_TRY(hyi_commit_parts(scene));
+    if (scene->context->backend) HYI_TRY(scene->context->backend->commit(scene, scene->dirty));
     scene->dirty = 0;
     hyi_free_loaded(scene);
     return HYDRA_OK;
@@ -16346,8 +16566,25 @@ HYI_FN bool hyi_query_any(hyi_query *query, const hydra_ray *rays, uint8_t *occl
     return sound;
 }
 
+/* The same on a backend, whose hits wait in memory until they are told. */
+HYI_FN hydra_result hyi_query_device(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
+    size_t batch = count < HYI_STREAM_SORTED ? count : HYI_STREAM_SORTED;
+    hydra_result result = HYDRA_OK;
+    hyk_hit *found = NULL;
+    if (hits) HYI_TRY(hyi_try_alloc(scene->context, batch * sizeof *found, (void **)&found));
+    for (size_t first = 0; first < count && (result == HYDRA_OK || result == HYDRA_ERROR_RAY); first += batch) {
+        uint32_t n = count - first < batch ? (uint32_t)(count - first) : (uint32_t)batch;
+        hydra_result part = scene->context->backend->trace(scene, rays + first, found, hits ? NULL : occluded + first, n);
+        if (part != HYDRA_OK) result = part;
+        if (hits && (part == HYDRA_OK || part == HYDRA_ERROR_RAY)) hyi_tell_hits(scene, found, rays + first, hits + first, n);
+    }
+    hyi_free_bytes(scene->context, found, batch * sizeof *found);
+    return result;
+}
+
 /* hits, or else occluded. */
 HYI_FN hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
+    if (scene->context->backend) return count ? hyi_query_device(scene, rays, hits, occluded, count) : HYDRA_OK;
     hyi_query query = hyi_query_begin(scene, count, hits == NULL);
     bool sound = true;
     for (size_t first = 0; first < count; first += query.batch) {
@@ -16373,8 +16610,8 @@ HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydr
 
 /* >>backend-chunk: what a backend is asked for: the samples of one tile, and what it gives back
 
-   A chunk is a tile's pixels times some samples; a lane is one sample. A backend traces a chunk's paths to their end and
-   leaves a result for each lane. Films, schedules and error bars above know nothing of how. */
+   A backend traces the paths of a unit's lanes to their end and leaves a result for each lane. Films, schedules and error
+   bars above know nothing of how. */
 #ifndef HYI_CHUNK_H
 #define HYI_CHUNK_H
 
@@ -16382,24 +16619,11 @@ HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydr
 typedef struct hyi_picture {
     const hyk_scene_view *view;
     const hyi_accel *accel;
-    hyk_path_settings settings;
-    hyk_camera camera;
+    hyk_picture kernel;
     const float *point_positions, *point_normals; /* POINTS: 3 floats each; width x height of them */
     const hydra_ray *rays;                        /* RAYS */
-    uint32_t max_depth;
-    uint32_t seed_of_half[2];
-    uint32_t features; /* of the scene */
+    uint32_t features;                            /* of the scene */
 } hyi_picture;
-
-typedef struct hyi_chunk {
-    const uint16_t *pixel_x, *pixel_y; /* of the tile's pixels within the tile, in the order of lanes */
-    uint32_t tile_x, tile_y;           /* first pixel of the tile, in the frame */
-    uint32_t right, bottom;            /* pixels at or beyond are outside the picture */
-    uint32_t left, top;                /* as are those before */
-    uint32_t pixels;                   /* pixels of a tile */
-    uint32_t first_sample, samples;    /* samples first ... first + samples - 1 of each pixel; sample s of pixel p is
-                                          lane p * samples + s */
-} hyi_chunk;
 
 /* Parts of a lane's radiance; without HYK_WANTS_COMPONENTS all of it is in the first. */
 typedef struct hyi_lane {
@@ -16407,17 +16631,20 @@ typedef struct hyi_lane {
     hyk_vec3 irradiance;
     hyk_first_surface first;
     uint32_t instance, primitive; /* first hit, as hyk_hit */
-    uint32_t flags;
+    uint32_t flags;               /* HYK_LANE_... */
 } hyi_lane;
-
-#define HYI_LANE_USED 1u
-#define HYI_LANE_HIT 2u
-#define HYI_LANE_INSIDE 4u
 
 typedef struct hyi_counters {
     uint64_t rays_camera, rays_bounce, rays_shadow, paths;
     double generate, intersect, shade, shadow;
 } hyi_counters;
+
+HYI_FN void hyi_clear_lane(hyi_lane *lane, bool used) {
+    memset(lane, 0, sizeof *lane);
+    lane->instance = lane->primitive = HYK_NONE;
+    lane->first.material = HYK_NONE;
+    lane->flags = used ? HYK_LANE_USED : 0u;
+}
 
 #endif /* HYI_CHUNK_H */
 
@@ -16466,16 +16693,18 @@ HYI_FN void hyi_batch_free(hydra_context *context, hyi_batch *batch) {
     hyi_ray_stream_free(context, &batch->stream);
 }
 
+/* Where a backend traces, only lanes are taken: it hands its results over in them. */
 HYI_FN hydra_result hyi_batch_alloc(hydra_context *context, const hyi_accel *accel, uint32_t capacity, hyi_batch *batch) {
     memset(batch, 0, sizeof *batch);
     batch->capacity = capacity;
+    HYI_TRY(hyi_alloc_array(context, &batch->lanes, capacity));
+    if (context->backend) return HYDRA_OK;
     HYI_TRY(hyi_alloc_array(context, &batch->paths, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->rays, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->hits, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->shadow_rays, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->shadows, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->occluded, capacity));
-    HYI_TRY(hyi_alloc_array(context, &batch->lanes, capacity));
     hydra_result result = hyi_ray_stream_alloc(context, accel, capacity, &batch->stream);
     if (result == HYDRA_OK) return result;
     return hyi_fail(context, result, "ray streams for %u lanes", capacity);
@@ -16493,7 +16722,7 @@ HYI_INLINE void hyi_keep_scatter(hyi_batch *batch, const hyk_scatter *r, uint32_
     hyi_lane_add(lane, split ? r->emitted_component : 0, r->emitted);
     lane->irradiance = hyk_add(lane->irradiance, r->emitted_irradiance);
     if (r->flags & HYK_SCATTER_SURFACE) lane->first = r->first;
-    if (r->flags & HYK_SCATTER_INSIDE) lane->flags |= HYI_LANE_INSIDE;
+    if (r->flags & HYK_SCATTER_INSIDE) lane->flags |= HYK_LANE_INSIDE;
     if (r->flags & HYK_SCATTER_SHADOW) {
         hyi_shadow *shadow = &batch->shadows[batch->shadows_alive];
         shadow->diffuse = r->diffuse;
@@ -16514,11 +16743,11 @@ HYI_INLINE void hyi_keep_scatter(hyi_batch *batch, const hyk_scatter *r, uint32_
 
 HYI_INLINE void hyi_shade_batch(const hyi_picture *picture, hyi_batch *batch, uint32_t features) {
     uint32_t count = batch->paths_alive;
-    bool split = (picture->settings.wants & HYK_WANTS_COMPONENTS) != 0;
+    bool split = (picture->kernel.settings.wants & HYK_WANTS_COMPONENTS) != 0;
     batch->paths_alive = batch->shadows_alive = 0;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t lane = batch->paths[i].lane;
-        hyk_scatter r = hyk_shade(picture->view, picture->settings, batch->paths[i], batch->hits[i], features);
+        hyk_scatter r = hyk_shade(picture->view, picture->kernel.settings, batch->paths[i], batch->hits[i], features);
         hyi_keep_scatter(batch, &r, lane, split);
     }
 }
@@ -16558,74 +16787,45 @@ HYI_FN void hyi_shade(const hyi_picture *picture, hyi_batch *batch) {
 
 /* ---- generate */
 
-HYI_FN bool hyi_chunk_holds(const hyi_chunk *chunk, uint32_t x, uint32_t y) {
-    return x >= chunk->left && x < chunk->right && y >= chunk->top && y < chunk->bottom;
-}
-
-HYI_FN void hyi_clear_lane(hyi_lane *lane, bool used) {
-    memset(lane, 0, sizeof *lane);
-    lane->instance = lane->primitive = HYK_NONE;
-    lane->first.material = HYK_NONE;
-    lane->flags = used ? HYI_LANE_USED : 0u;
-}
-
-HYI_FN hyk_ray hyi_callers_ray(const hydra_ray *given) {
-    hyk_vec3 d = hyk_make3(given->direction[0], given->direction[1], given->direction[2]);
-    float length = hyk_length(d);
-    hyk_ray ray;
-    ray.origin = hyk_make3(given->origin[0], given->origin[1], given->origin[2]);
-    ray.direction = hyk_normalize(d);
-    ray.t_min = given->t_min * length;
-    ray.t_max = given->t_max < FLT_MAX / fmaxf(length, 1.0f) ? given->t_max * length : FLT_MAX;
-    return ray;
-}
-
 /* Paths from points start with a scattering at the point, not with a ray. */
-HYI_FN void hyi_scatter_point(const hyi_picture *picture, hyi_batch *batch, hyk_path path, uint32_t point) {
-    const float *p = picture->point_positions + (size_t)3 * point, *n = picture->point_normals + (size_t)3 * point;
+HYI_FN void hyi_scatter_point(const hyi_picture *picture, hyi_batch *batch, hyk_sampler random, uint32_t lane, size_t point) {
+    const float *p = picture->point_positions + 3 * point, *n = picture->point_normals + 3 * point;
     hyk_vec3 position = hyk_make3(p[0], p[1], p[2]), normal = hyk_make3(n[0], n[1], n[2]);
-    const uint32_t features = HYI_FEATURES_OUTDOOR; /* a white Lambert surface under any light, textured emitters too */
-    hyk_scatter r = hyk_shade_point(picture->view, picture->settings, path, position, normal, features | HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA);
-    hyi_keep_scatter(batch, &r, path.lane, (picture->settings.wants & HYK_WANTS_COMPONENTS) != 0);
-}
-
-HYI_FN hyk_ray hyi_sensor_ray(const hyi_picture *picture, uint32_t x, uint32_t y, hyk_sampler random) {
-    const hyk_camera *camera = &picture->camera;
-    if (camera->kind == HYK_SENSOR_RAYS) return hyi_callers_ray(&picture->rays[(size_t)y * camera->width + x]);
-    hyk_vec2 lens = camera->kind == HYK_SENSOR_THIN_LENS ? hyk_sample_pair(random, HYK_PAIR_LENS) : hyk_make2(0.0f, 0.0f);
-    return hyk_camera_ray(*camera, hyk_film_point(*camera, x, y, hyk_sample_pair(random, HYK_PAIR_FILM)), lens);
+    hyk_path path = hyk_point_path(picture->kernel, random, lane);
+    hyk_scatter r = hyk_shade_point(picture->view, picture->kernel.settings, path, position, normal, HYK_NEEDS_AT_POINTS);
+    batch->lanes[lane].flags |= HYK_LANE_HIT;
+    hyi_keep_scatter(batch, &r, lane, (picture->kernel.settings.wants & HYK_WANTS_COMPONENTS) != 0);
 }
 
 HYI_FN void hyi_generate_lane(const hyi_picture *picture, hyi_batch *batch, uint32_t x, uint32_t y, uint32_t sample, uint32_t lane) {
-    const hyk_camera *camera = &picture->camera;
-    /* even samples belong to one half of the estimate, odd ones to the other: two independent sequences */
-    hyk_sampler random = hyk_make_sampler(x, y, sample >> 1, picture->seed_of_half[sample & 1]);
+    const hyk_camera *camera = &picture->kernel.camera;
+    size_t element = (size_t)y * camera->width + x; /* of a list */
+    hyk_sampler random = hyk_lane_sampler(picture->kernel, x, y, sample);
     if (camera->kind == HYK_SENSOR_POINTS) {
-        hyk_ray none;
-        memset(&none, 0, sizeof none);
-        hyk_path path = hyk_begin_path(none, random, lane, picture->max_depth, 0.0f, camera->spread);
-        batch->lanes[lane].flags |= HYI_LANE_HIT;
-        hyi_scatter_point(picture, batch, path, y * camera->width + x);
+        hyi_scatter_point(picture, batch, random, lane, element);
         return;
     }
-    hyk_ray ray = hyi_sensor_ray(picture, x, y, random);
-    if (ray.t_max >= FLT_MAX) ray.t_max = hyk_salted_infinity(random, HYK_NONE, picture->features);
-    batch->paths[batch->paths_alive] = hyk_begin_path(ray, random, lane, picture->max_depth, camera->start_width, camera->spread);
-    batch->rays[batch->paths_alive++] = ray;
+    hyk_ray ray;
+    if (camera->kind == HYK_SENSOR_RAYS) ray = hyk_callers_ray(hyi_load_ray((const hyk_ray *)(const void *)&picture->rays[element]));
+    else ray = hyk_sensor_ray(*camera, x, y, random);
+    batch->paths[batch->paths_alive] = hyk_first_path(picture->kernel, ray, random, lane, picture->features);
+    batch->rays[batch->paths_alive] = batch->paths[batch->paths_alive].ray;
+    batch->paths_alive++;
 }
 
-HYI_FN void hyi_generate(const hyi_picture *picture, const hyi_chunk *chunk, hyi_batch *batch) {
+HYI_FN void hyi_generate(const hyi_picture *picture, const hyk_unit *unit, hyi_batch *batch) {
+    const hyk_picture *k = &picture->kernel;
     batch->paths_alive = batch->shadows_alive = 0;
-    for (uint32_t p = 0; p < chunk->pixels; p++) {
-        uint32_t x = chunk->tile_x + chunk->pixel_x[p], y = chunk->tile_y + chunk->pixel_y[p];
-        bool used = hyi_chunk_holds(chunk, x, y);
-        for (uint32_t s = 0; s < chunk->samples; s++) {
-            uint32_t lane = p * chunk->samples + s;
+    for (uint32_t p = 0; p < k->tile_pixels; p++) {
+        uint32_t x = unit->tile_x + hyk_tile_column(k->tile_width, k->tile_is_square, p);
+        uint32_t y = unit->tile_y + hyk_tile_row(k->tile_width, k->tile_is_square, p);
+        bool used = hyk_picture_holds(*k, x, y);
+        for (uint32_t s = 0; s < unit->samples; s++) {
+            uint32_t lane = p * unit->samples + s;
             hyi_clear_lane(&batch->lanes[lane], used);
-            if (used) hyi_generate_lane(picture, batch, x, y, chunk->first_sample + s, lane);
+            if (used) hyi_generate_lane(picture, batch, x, y, unit->first_sample + s, lane);
         }
     }
-    batch->counters.rays_camera += batch->paths_alive;
 }
 
 /* ---- shadow and intersect */
@@ -16658,18 +16858,19 @@ HYI_FN void hyi_keep_first_hits(hyi_batch *batch) {
         const hyk_hit *hit = &batch->hits[i];
         lane->instance = hit->instance;
         lane->primitive = hit->primitive;
-        if (hit->instance != HYK_NONE) lane->flags |= HYI_LANE_HIT;
+        if (hit->instance != HYK_NONE) lane->flags |= HYK_LANE_HIT;
     }
 }
 
 /* ---- the sequence */
 
-HYI_FN void hyi_cpu_trace_chunk(const hyi_picture *picture, const hyi_chunk *chunk, hyi_batch *batch) {
+HYI_FN void hyi_cpu_trace_unit(const hyi_picture *picture, const hyk_unit *unit, hyi_batch *batch) {
     hyi_counters *c = &batch->counters;
     double start = hyi_seconds(), now;
-    hyi_generate(picture, chunk, batch);
-    bool from_sensor = picture->camera.kind != HYK_SENSOR_POINTS;
-    c->paths += (uint64_t)chunk->pixels * chunk->samples;
+    hyi_generate(picture, unit, batch);
+    bool from_sensor = picture->kernel.camera.kind != HYK_SENSOR_POINTS;
+    if (from_sensor) c->rays_camera += batch->paths_alive;
+    c->paths += (uint64_t)picture->kernel.tile_pixels * unit->samples;
     now = hyi_seconds(), c->generate += now - start, start = now;
     hyi_shadow_pass(picture, batch);
     now = hyi_seconds(), c->shadow += now - start, start = now;
@@ -16863,7 +17064,6 @@ typedef struct hyi_film {
     uint32_t first_sample;
     uint32_t planes_wanted; /* bits 1 << hyi_plane */
     bool ids_wanted;
-    uint16_t *pixel_x, *pixel_y; /* within a tile, along the Morton curve where it is square */
     hyi_tile *tiles;
     hyi_pixel *pixels;
     hyi_sum3 *planes[HYI_PLANE_COUNT]; /* pairs: two a pixel, half after half */
@@ -16875,6 +17075,14 @@ HYI_INLINE size_t hyi_film_pixel_count(const hyi_film *film) { return hyi_film_t
 HYI_FN size_t hyi_plane_sums(const hyi_film *film, int plane) { return hyi_film_pixel_count(film) * (hyi_plane_is_pair(plane) ? 2u : 1u); }
 HYI_INLINE uint32_t hyi_tile_left(const hyi_film *film, size_t tile) { return (film->first_tile_x + (uint32_t)(tile % film->tiles_x)) * film->tile_width; }
 HYI_INLINE uint32_t hyi_tile_top(const hyi_film *film, size_t tile) { return (film->first_tile_y + (uint32_t)(tile / film->tiles_x)) * film->tile_height; }
+
+/* Of a tile's pixel, in the frame. */
+HYI_INLINE uint32_t hyi_pixel_left(const hyi_film *film, size_t tile, uint32_t i) {
+    return hyi_tile_left(film, tile) + hyk_tile_column(film->tile_width, film->tile_width == film->tile_height, i);
+}
+HYI_INLINE uint32_t hyi_pixel_top(const hyi_film *film, size_t tile, uint32_t i) {
+    return hyi_tile_top(film, tile) + hyk_tile_row(film->tile_width, film->tile_width == film->tile_height, i);
+}
 
 /* ---- layout and memory */
 
@@ -16912,38 +17120,18 @@ HYI_FN size_t hyi_film_bytes(const hyi_film *film) {
     for (int p = 0; p < HYI_PLANE_COUNT; p++)
         if (film->planes_wanted >> p & 1u) bytes += hyi_plane_sums(film, p) * sizeof(hyi_sum3);
     if (film->ids_wanted) bytes += hyi_film_pixel_count(film) * sizeof(hyi_ids);
-    return bytes + 2 * film->tile_pixels * sizeof(uint16_t);
+    return bytes;
 }
 
 HYI_FN void hyi_film_free(hydra_context *context, hyi_film *film) {
-    hyi_free_array(context, &film->pixel_x, film->tile_pixels);
-    hyi_free_array(context, &film->pixel_y, film->tile_pixels);
     hyi_free_array(context, &film->tiles, hyi_film_tile_count(film));
     hyi_free_array(context, &film->pixels, hyi_film_pixel_count(film));
     for (int p = 0; p < HYI_PLANE_COUNT; p++) hyi_free_array(context, &film->planes[p], hyi_plane_sums(film, p));
     hyi_free_array(context, &film->ids, hyi_film_pixel_count(film));
 }
 
-HYI_FN uint32_t hyi_morton_even_bits(uint32_t x) {
-    x &= 0x55555555u;
-    x = (x | x >> 1) & 0x33333333u;
-    x = (x | x >> 2) & 0x0f0f0f0fu;
-    x = (x | x >> 4) & 0x00ff00ffu;
-    return (x | x >> 8) & 0x0000ffffu;
-}
-
-HYI_FN void hyi_order_tile_pixels(hyi_film *film) {
-    bool square = film->tile_width == film->tile_height;
-    for (uint32_t i = 0; i < film->tile_pixels; i++) {
-        film->pixel_x[i] = (uint16_t)(square ? hyi_morton_even_bits(i) : i % film->tile_width);
-        film->pixel_y[i] = (uint16_t)(square ? hyi_morton_even_bits(i >> 1) : i / film->tile_width);
-    }
-}
-
 HYI_FN hydra_result hyi_film_alloc_parts(hydra_context *context, hyi_film *film) {
     size_t pixels = hyi_film_pixel_count(film);
-    HYI_TRY(hyi_alloc_array(context, &film->pixel_x, film->tile_pixels));
-    HYI_TRY(hyi_alloc_array(context, &film->pixel_y, film->tile_pixels));
     HYI_TRY(hyi_alloc_array(context, &film->tiles, hyi_film_tile_count(film)));
     HYI_TRY(hyi_alloc_array(context, &film->pixels, pixels));
     memset(film->tiles, 0, hyi_film_tile_count(film) * sizeof *film->tiles);
@@ -16963,8 +17151,7 @@ HYI_FN hydra_result hyi_film_alloc_parts(hydra_context *context, hyi_film *film)
 /* film is planned. On failure nothing stays allocated. */
 HYI_FN hydra_result hyi_film_alloc(hydra_context *context, hyi_film *film) {
     hydra_result result = hyi_film_alloc_parts(context, film);
-    if (result == HYDRA_OK) hyi_order_tile_pixels(film);
-    else hyi_film_free(context, film);
+    if (result != HYDRA_OK) hyi_film_free(context, film);
     return result;
 }
 
@@ -17008,8 +17195,8 @@ HYI_INLINE void hyi_plane_add(const hyi_film *film, int plane, size_t at, hyk_ve
 
 HYI_FN void hyi_add_means(hyi_film *film, size_t pixel, const hyi_lane *lane) {
     hyk_first_surface first = lane->first;
-    if (lane->flags & HYI_LANE_INSIDE) hyi_plane_add(film, HYI_PLANE_DEPTH, pixel, hyk_make3(0.0f, 1.0f, 0.0f));
-    if (!(lane->flags & HYI_LANE_HIT)) return;
+    if (lane->flags & HYK_LANE_INSIDE) hyi_plane_add(film, HYI_PLANE_DEPTH, pixel, hyk_make3(0.0f, 1.0f, 0.0f));
+    if (!(lane->flags & HYK_LANE_HIT)) return;
     hyi_plane_add(film, HYI_PLANE_ALBEDO, pixel, first.albedo);
     hyi_plane_add(film, HYI_PLANE_NORMAL, pixel, first.normal);
     hyi_plane_add(film, HYI_PLANE_POSITION, pixel, first.position);
@@ -17041,7 +17228,7 @@ HYI_FN float hyi_film_add(hyi_film *film, size_t index, int half, bool open, hyi
     hyi_lane_radiance(lane, rgb);
     float luminance = hyi_luminance(rgb);
     if (open) hyi_add_radiance(film, index, half, lane, rgb, luminance);
-    if (lane->flags & HYI_LANE_HIT) pixel->hits++;
+    if (lane->flags & HYK_LANE_HIT) pixel->hits++;
     hyi_add_means(film, index, lane);
     return luminance;
 }
@@ -17138,7 +17325,7 @@ HYI_FN uint32_t hyi_count_groups(const hyi_film *film, size_t tile, uint32_t cou
     uint32_t all = 0;
     memset(counts, 0, HYI_GROUPS * sizeof *counts);
     for (uint32_t i = 0; i < film->tile_pixels; i++) {
-        uint32_t x = hyi_tile_left(film, tile) + film->pixel_x[i], y = hyi_tile_top(film, tile) + film->pixel_y[i];
+        uint32_t x = hyi_pixel_left(film, tile, i), y = hyi_pixel_top(film, tile, i);
         if (x < film->left || x >= film->right || y < film->top || y >= film->bottom) continue;
         counts[hyi_group_of(i)]++;
         all++;
@@ -17429,6 +17616,7 @@ struct hydra_render {
     hyi_sample_range ranges[HYI_MAX_RANGES];
     uint32_t range_count;
     hyi_batch *batches; /* one a worker */
+    void *device;       /* the backend's */
     uint32_t workers;
     double *accumulate; /* seconds, by worker */
     hyi_atomic cancel;
@@ -17514,28 +17702,36 @@ HYI_FN uint32_t hyi_wants_of(const hyi_film *film) {
 HYI_FN size_t hyi_schedule_bytes(const hyi_film *film, bool adaptive) {
     return 2 * hyi_film_tile_count(film) * sizeof(uint32_t) + (adaptive ? hyi_film_pixel_count(film) * sizeof(float) : 0);
 }
-HYI_FN size_t hyi_worker_bytes(const hyi_accel *accel, const hyi_film *film) {
-    size_t lanes = (size_t)film->tile_pixels * HYI_CHUNK_SAMPLES;
-    hyi_ray_stream stream = hyi_plan_ray_stream(accel, lanes);
-    return lanes * HYI_LANE_BYTES + hyi_ray_stream_bytes(&stream) + sizeof(hyi_batch) + sizeof(double);
+HYI_FN size_t hyi_worker_bytes(const hydra_scene *scene, const hyi_film *film) {
+    size_t lanes = (size_t)film->tile_pixels * HYI_CHUNK_SAMPLES, bytes = sizeof(hyi_batch) + sizeof(double);
+    if (scene->context->backend) return bytes + lanes * sizeof(hyi_lane);
+    hyi_ray_stream stream = hyi_plan_ray_stream(&scene->accel, lanes);
+    return bytes + lanes * HYI_LANE_BYTES + hyi_ray_stream_bytes(&stream);
 }
 
 /* ---- creation */
 
 HYI_FN void hyi_fill_picture(hydra_render *r) {
     hyi_picture *p = &r->picture;
+    hyk_picture *k = &p->kernel;
     p->view = &r->scene->view;
     p->accel = &r->scene->accel;
-    p->settings.strategy = (uint32_t)r->desc.strategy;
-    p->settings.wants = hyi_wants_of(&r->film);
+    k->settings.strategy = (uint32_t)r->desc.strategy;
+    k->settings.wants = hyi_wants_of(&r->film);
+    k->tile_pixels = r->film.tile_pixels;
+    k->tile_width = r->film.tile_width;
+    k->tile_is_square = r->film.tile_width == r->film.tile_height;
+    k->left = r->film.left;
+    k->top = r->film.top;
+    k->right = r->film.right;
+    k->bottom = r->film.bottom;
+    k->max_depth = r->desc.max_depth;
+    k->seed_even = hyk_hash2(r->desc.seed, 0x68616c66u);
+    k->seed_odd = hyk_hash2(r->desc.seed, 0x6f746872u);
     p->point_positions = r->sensor.positions;
     p->point_normals = r->sensor.normals;
     p->rays = r->sensor.rays;
-    const hyk_scene_constants *constants = &r->scene->view.constants;
-    p->max_depth = r->desc.max_depth;
-    p->seed_of_half[0] = hyk_hash2(r->desc.seed, 0x68616c66u);
-    p->seed_of_half[1] = hyk_hash2(r->desc.seed, 0x6f746872u);
-    p->features = constants->features;
+    p->features = r->scene->view.constants.features;
 }
 
 HYI_FN hydra_result hyi_schedule_alloc(hydra_render *r) {
@@ -17565,7 +17761,7 @@ HYI_FN hydra_result hyi_workers_alloc(hydra_render *r) {
 HYI_FN hydra_result hyi_render_fill(hydra_render *r, const hydra_render_desc *desc) {
     r->desc = hyi_resolved_render_desc(desc);
     r->report.made_at = -1.0;
-    HYI_TRY(hyi_fill_camera(r->context, &r->desc.sensor, r->desc.width, r->desc.height, &r->picture.camera));
+    HYI_TRY(hyi_fill_camera(r->context, &r->desc.sensor, r->desc.width, r->desc.height, &r->picture.kernel.camera));
     hyi_film planned;
     hyi_plan_render(&r->desc, &planned);
     if (hyi_film_pixel_count(&planned) > (size_t)UINT32_MAX * planned.tile_pixels) return hyi_fail(r->context, HYDRA_ERROR_OVERFLOW, "%u x %u pixels", r->desc.width, r->desc.height);
@@ -17575,12 +17771,13 @@ HYI_FN hydra_result hyi_render_fill(hydra_render *r, const hydra_render_desc *de
     HYI_TRY(hyi_schedule_alloc(r));
     HYI_TRY(hyi_workers_alloc(r));
     hyi_fill_picture(r);
-    return HYDRA_OK;
+    return r->context->backend ? r->context->backend->begin_render(r) : HYDRA_OK;
 }
 
 HYDRA_API void hydra_render_destroy(hydra_render *render) {
     if (!render) return;
     hydra_context *context = render->context;
+    if (context->backend) context->backend->end_render(render);
     for (uint32_t i = 0; render->batches && i < render->workers; i++) hyi_batch_free(context, &render->batches[i]);
     hyi_free_array(context, &render->batches, render->workers);
     hyi_free_array(context, &render->accumulate, render->workers);
@@ -17615,21 +17812,13 @@ HYI_FN uint32_t hyi_chunk_samples(const hydra_render *r, uint32_t chunk) {
     return left < HYI_CHUNK_SAMPLES ? left : HYI_CHUNK_SAMPLES;
 }
 
-HYI_FN hyi_chunk hyi_describe_chunk(const hydra_render *r, uint32_t tile, uint32_t index) {
-    const hyi_film *film = &r->film;
-    hyi_chunk c;
-    c.pixel_x = film->pixel_x;
-    c.pixel_y = film->pixel_y;
-    c.tile_x = hyi_tile_left(film, tile);
-    c.tile_y = hyi_tile_top(film, tile);
-    c.left = film->left;
-    c.top = film->top;
-    c.right = film->right;
-    c.bottom = film->bottom;
-    c.pixels = film->tile_pixels;
-    c.first_sample = film->first_sample + index * HYI_CHUNK_SAMPLES;
-    c.samples = hyi_chunk_samples(r, index);
-    return c;
+HYI_FN hyk_unit hyi_describe_unit(const hydra_render *r, uint32_t tile, uint32_t chunk) {
+    hyk_unit unit;
+    unit.tile_x = hyi_tile_left(&r->film, tile);
+    unit.tile_y = hyi_tile_top(&r->film, tile);
+    unit.first_sample = r->film.first_sample + chunk * HYI_CHUNK_SAMPLES;
+    unit.samples = hyi_chunk_samples(r, chunk);
+    return unit;
 }
 
 HYI_FN void hyi_keep_ids(hydra_render *r, size_t index, const hyi_lane *lane) {
@@ -17641,43 +17830,43 @@ HYI_FN void hyi_keep_ids(hydra_render *r, size_t index, const hyi_lane *lane) {
     ids->material = lane->first.material == HYK_NONE ? 0 : lane->first.material;
 }
 
-HYI_FN void hyi_accumulate_pixel(hydra_render *r, const hyi_tile *tile, const hyi_chunk *chunk, size_t index, hyi_lane *lanes, double *judgement) {
+HYI_FN void hyi_accumulate_pixel(hydra_render *r, const hyi_tile *tile, const hyk_unit *unit, size_t index, hyi_lane *lanes, double *judgement) {
     float luminance[HYI_CHUNK_SAMPLES];
-    if (r->film.ids && chunk->first_sample == r->film.first_sample) hyi_keep_ids(r, index, &lanes[0]);
+    if (r->film.ids && unit->first_sample == r->film.first_sample) hyi_keep_ids(r, index, &lanes[0]);
     uint32_t group = hyi_group_of(index);
     bool open = !(tile->closed >> group & 1u);
-    for (uint32_t s = 0; s < chunk->samples; s++) luminance[s] = hyi_film_add(&r->film, index, (int)(s & 1), open, &lanes[s]);
+    for (uint32_t s = 0; s < unit->samples; s++) luminance[s] = hyi_film_add(&r->film, index, (int)(s & 1), open, &lanes[s]);
     if (!r->schedule.weights) return;
     double weight = (double)r->schedule.weights[index];
-    judgement[group] += weight * weight * hyi_chunk_variance(luminance, chunk->samples);
+    judgement[group] += weight * weight * hyi_chunk_variance(luminance, unit->samples);
 }
 
 /* The order in which chunks arrive does not matter: every sum is exact. */
-HYI_FN void hyi_accumulate(hydra_render *r, uint32_t tile_index, const hyi_chunk *chunk, hyi_lane *lanes) {
+HYI_FN void hyi_accumulate(hydra_render *r, uint32_t tile_index, const hyk_unit *unit, hyi_lane *lanes) {
     hyi_tile *tile = &r->film.tiles[tile_index];
     double judgement[HYI_GROUPS] = { 0.0 };
     while (!hyi_atomic_swap_if(&tile->lock, 0, 1)) continue;
-    for (uint32_t p = 0; p < chunk->pixels; p++) {
-        hyi_lane *first = &lanes[p * chunk->samples];
-        if (first->flags & HYI_LANE_USED) hyi_accumulate_pixel(r, tile, chunk, (size_t)tile_index * chunk->pixels + p, first, judgement);
+    for (uint32_t p = 0; p < r->film.tile_pixels; p++) {
+        hyi_lane *first = &lanes[p * unit->samples];
+        if (first->flags & HYK_LANE_USED) hyi_accumulate_pixel(r, tile, unit, (size_t)tile_index * r->film.tile_pixels + p, first, judgement);
     }
     for (uint32_t g = 0; g < HYI_GROUPS; g++)
-        if (!(tile->closed >> g & 1u)) tile->reported[g] += chunk->samples;
-    tile->taken += chunk->samples;
+        if (!(tile->closed >> g & 1u)) tile->reported[g] += unit->samples;
+    tile->taken += unit->samples;
     tile->chunks++;
-    if (r->schedule.weights && r->schedule.stage > 0 && chunk->samples >= 4) {
+    if (r->schedule.weights && r->schedule.stage > 0 && unit->samples >= 4) {
         for (uint32_t g = 0; g < HYI_GROUPS; g++) hyi_sum_add(&tile->statistic[g], judgement[g]);
         tile->judged++;
     }
     hyi_atomic_store(&tile->lock, 0);
 }
 
-HYI_FN void hyi_run_unit(hydra_render *r, uint32_t worker, uint32_t tile, uint32_t chunk_index) {
+HYI_FN void hyi_run_unit(hydra_render *r, uint32_t worker, uint32_t tile, uint32_t chunk) {
     hyi_batch *batch = &r->batches[worker];
-    hyi_chunk chunk = hyi_describe_chunk(r, tile, chunk_index);
-    hyi_cpu_trace_chunk(&r->picture, &chunk, batch);
+    hyk_unit unit = hyi_describe_unit(r, tile, chunk);
+    hyi_cpu_trace_unit(&r->picture, &unit, batch);
     double start = hyi_seconds();
-    hyi_accumulate(r, tile, &chunk, batch->lanes);
+    hyi_accumulate(r, tile, &unit, batch->lanes);
     r->accumulate[worker] += hyi_seconds() - start;
 }
 
@@ -17714,7 +17903,8 @@ HYI_FN hydra_result hyi_render_run(hydra_render *r, double start) {
             r->done = true;
             return HYDRA_OK;
         }
-        hyi_parallel(r->context, r->workers, hyi_work, r);
+        if (r->context->backend) HYI_TRY(r->context->backend->work(r));
+        else hyi_parallel(r->context, r->workers, hyi_work, r);
         if (hyi_atomic_load(&r->cancel)) {
             hyi_atomic_store(&r->cancel, 0);
             return HYDRA_CANCELLED;
@@ -18000,7 +18190,7 @@ HYDRA_API hydra_status hydra_render_status(hydra_render *render) {
     }
     hyi_sum_counters(render, &status);
     status.bytes_film = hyi_film_bytes(&render->film) + hyi_schedule_bytes(&render->film, render->desc.target_error > 0.0f);
-    status.bytes_lanes = render->workers * hyi_worker_bytes(&render->scene->accel, &render->film);
+    status.bytes_lanes = render->workers * hyi_worker_bytes(render->scene, &render->film);
     return status;
 }
 
@@ -18326,7 +18516,7 @@ HYI_FN uint64_t hyi_fingerprint(const hydra_render *r) {
                           r->film.planes_wanted, r->film.ids_wanted ? 1u : 0u };
     hash = hyi_mix(hash, words, sizeof words);
     hash = hyi_mix(hash, &d->target_error, sizeof d->target_error);
-    hash = hyi_mix(hash, &r->picture.camera, sizeof r->picture.camera);
+    hash = hyi_mix(hash, &r->picture.kernel.camera, sizeof r->picture.kernel.camera);
     hash = hyi_mix(hash, r->sensor.positions, r->sensor.positions ? 3 * r->sensor.count * sizeof(float) : 0);
     hash = hyi_mix(hash, r->sensor.normals, r->sensor.normals ? 3 * r->sensor.count * sizeof(float) : 0);
     return hyi_mix(hash, r->sensor.rays, r->sensor.rays ? r->sensor.count * sizeof(hydra_ray) : 0);
@@ -18634,7 +18824,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
     hyi_plan_render(&resolved, &film);
     uint32_t features = scene->view.constants.features;
     estimate->bytes_film = hyi_film_bytes(&film) + hyi_schedule_bytes(&film, resolved.target_error > 0.0f);
-    estimate->bytes_lanes = scene->context->threads * hyi_worker_bytes(&scene->accel, &film);
+    estimate->bytes_lanes = scene->context->threads * hyi_worker_bytes(scene, &film);
     estimate->bytes_sensor = hyi_sensor_bytes(resolved.sensor.kind, (uint64_t)resolved.width * resolved.height);
     estimate->bytes_total = sizeof(hydra_render) + estimate->bytes_film + estimate->bytes_lanes + estimate->bytes_sensor;
     estimate->passes = hyi_passes(features, &resolved);

@@ -136,6 +136,10 @@ extern "C" {
     X(HYDRA_ERROR_RAY, "a ray is not finite, has no direction, or t_min > t_max")                    \
     X(HYDRA_ERROR_THREADS, "no thread could be started")                                             \
     X(HYDRA_ERROR_ISA, "this machine or build lacks the instruction set asked for")                  \
+    X(HYDRA_ERROR_DEVICE, "no device, or it lacks something that is needed")                         \
+    X(HYDRA_ERROR_DEVICE_LIMIT, "a buffer is larger than the device can bind")                       \
+    X(HYDRA_ERROR_DEVICE_MEMORY, "the device has no memory left, or its cap would be exceeded")      \
+    X(HYDRA_ERROR_DEVICE_LOST, "the device was lost")                                                \
     X(HYDRA_ERROR_SELFTEST, "the self-test found a wrong answer")
 
 typedef enum hydra_result {

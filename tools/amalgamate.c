@@ -1,28 +1,28 @@
-/* Makes hydra.h from its parts.
+/* Makes hydra.h and hydra_vk.h from their parts.
 
-       amalgamate OUTPUT      run in the root of the repository
-       amalgamate --list      prints the parts, one a line, in their order
+       amalgamate OUTPUT        hydra.h; run in the root of the repository
+       amalgamate --vk OUTPUT   hydra_vk.h
+       amalgamate --list        prints the parts of both, one a line, in their order
 
    The concatenation is verbatim but for local #include lines, which are dropped, and it depends on
    nothing but the parts: no date, no path of this machine. Only files named *.inc.h stand in place of
    every line that includes them: code that is expanded once for each instruction set, in its words. It stops with a message when a part is
    missing, has no mark in its first line, stands twice in the list, or includes a file that is not
-   in the list before it: so the order below is also the proof that arrows only point down. */
+   in the list before it: so the order below is also the proof that arrows only point down. A part of
+   hydra_vk.h may include whatever is in hydra.h, which stands before it; no part of hydra.h sees any of hydra_vk.h. */
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* The document and the declarations. */
-static const char *const header_part = "src/api.h";
-
-/* The implementation, every file after those it includes. The one place where this order stands. */
-static const char *const parts[] = {
+/* The implementation of hydra.h, every file after those it includes. The one place where this order stands. */
+static const char *const hydra_parts[] = {
     /* base: what the machine and the compiler offer */
     "src/base/platform.h",
     "src/base/context.h",
     "src/base/threads.h",
+    "src/base/backend.h",
     "src/base/create.h",
     /* shared: what C and GLSL compute alike */
     "shaders/shared/language.h",
@@ -49,6 +49,7 @@ static const char *const parts[] = {
     "shaders/shared/light.h",
     "shaders/shared/camera.h",
     "shaders/shared/path.h",
+    "shaders/shared/passes.h",
     /* bvh: building, and traversal by instruction set */
     "src/bvh/layout.h",
     "src/bvh/build_vector.h",
@@ -100,8 +101,46 @@ static const char *const parts[] = {
     "src/render/selftest.h",
 };
 
+/* That of hydra_vk.h. */
+static const char *const vk_parts[] = {
+    "shaders/shared/tree.h",
+    "src/vk/functions.h",
+    "src/vk/device.h",
+    "src/vk/memory.h",
+    "src/vk/spirv.h",
+    "src/vk/pipelines.h",
+    "src/vk/submit.h",
+    "src/vk/tree.h",
+    "src/vk/scene.h",
+    "src/vk/passes.h",
+    "src/vk/queries.h",
+    "src/vk/create.h",
+};
+
+/* A header to make. */
+typedef struct product {
+    const char *name, *made_from;
+    const char *api;                  /* the document and the declarations */
+    const char *const *parts;
+    int count;
+    const char *macro, *once;         /* asks for the implementation; says that it is there */
+    const char *needs, *complaint;    /* a macro that must be defined before the implementation, or NULL */
+    const struct product *below;      /* what stands before it in a program, or NULL */
+} product;
+
+#define COUNT(array) ((int)(sizeof(array) / sizeof((array)[0])))
+static const product hydra = {
+    "hydra.h", "src/ and shaders/shared/", "src/api.h", hydra_parts, COUNT(hydra_parts),
+    "HYDRA_IMPLEMENTATION", "HYI_IMPLEMENTED", NULL, NULL, NULL,
+};
+static const product hydra_vk = {
+    "hydra_vk.h", "src/vk/ and shaders/", "src/vk/api.h", vk_parts, COUNT(vk_parts),
+    "HYDRA_VK_IMPLEMENTATION", "HYI_VK_IMPLEMENTED",
+    "HYI_IMPLEMENTED", "hydra_vk.h: in this file, define HYDRA_IMPLEMENTATION and include hydra.h first", &hydra,
+};
+
 static const char *const license_file = "LICENSE";
-enum { part_count = sizeof parts / sizeof parts[0], path_size = 512 };
+enum { path_size = 512 };
 
 #if defined(__GNUC__) || defined(__clang__)
 __attribute__((noreturn, format(printf, 1, 2)))
@@ -190,17 +229,37 @@ static void resolve(const char *from, const char *name, char path[path_size]) {
     path[used] = 0;
 }
 
-/* A part may include the header and the parts before it. */
-static void check_include(int index, const char *name) {
-    char path[path_size];
-    resolve(parts[index], name, path);
-    if (!strcmp(path, header_part)) return;
-    for (int i = 0; i < part_count; i++) {
-        if (strcmp(path, parts[i]) != 0) continue;
-        if (i < index) return;
-        stop("%s includes %s, which stands %s", parts[index], path, i == index ? "for itself" : "behind it in the list of parts");
+/* The place of a path in the list of parts, or -1. */
+static int place(const product *p, const char *path) {
+    for (int i = 0; i < p->count; i++) {
+        if (!strcmp(path, p->parts[i])) return i;
     }
-    stop("%s includes %s, which is not in the list of parts", parts[index], path);
+    return -1;
+}
+
+static bool is_below(const product *p, const char *path) {
+    const product *other = p->below;
+    return other && (!strcmp(path, other->api) || place(other, path) >= 0);
+}
+
+/* A part may include the header, the parts before it, and all that stands before its product. */
+static void check_include(const product *p, int index, const char *name) {
+    char path[path_size];
+    const char *part = p->parts[index];
+    resolve(part, name, path);
+    if (!strcmp(path, p->api) || is_below(p, path)) return;
+    int at = place(p, path);
+    if (at < 0) stop("%s includes %s, which is not in the list of parts of %s", part, path, p->name);
+    if (at >= index) stop("%s includes %s, which stands %s", part, path, at == index ? "for itself" : "behind it in the list of parts");
+}
+
+/* The declarations include nothing but the headers themselves, which their document also tells how to use. */
+static void check_api(const product *p, const char *text) {
+    char name[path_size];
+    for (const char *line = text; *line; line += line_length(line)) {
+        if (!local_include(line, name) || !strcmp(name, p->name) || !strcmp(name, hydra.name)) continue;
+        stop("%s must not include %s", p->api, name);
+    }
 }
 
 /* ---- marks: the first line of a part is its mark: slash, star, blank, two > signs, name: what it is */
@@ -244,9 +303,9 @@ static bool is_template(const char *name) {
     return length > 6 && !strcmp(name + length - 6, ".inc.h");
 }
 
-static void write_template(FILE *out, int index, const char *name) {
+static void write_template(FILE *out, const char *part, const char *name) {
     char path[path_size];
-    resolve(parts[index], name, path);
+    resolve(part, name, path);
     char *text = read_file(path);
     for (const char *line = text; *line; line += line_length(line))
         if (after_directive(line, "include")) stop("%s must not include anything", path);
@@ -254,7 +313,7 @@ static void write_template(FILE *out, int index, const char *name) {
     free(text);
 }
 
-static void write_part(FILE *out, int index, const char *text) {
+static void write_part(FILE *out, const product *p, int index, const char *text) {
     char name[path_size];
     bool blank = true, dropped = false;
     fputc('\n', out);
@@ -262,11 +321,11 @@ static void write_part(FILE *out, int index, const char *text) {
         bool block = guards_only_include(line);
         if (block) line += line_length(line);
         if (local_include(line, name) && is_template(name)) {
-            write_template(out, index, name);
+            write_template(out, p->parts[index], name);
             continue;
         }
         if (local_include(line, name)) {
-            check_include(index, name);
+            check_include(p, index, name);
             if (block) line += line_length(line);
             dropped = true;
             continue;
@@ -279,52 +338,63 @@ static void write_part(FILE *out, int index, const char *text) {
     }
 }
 
-static void write_contents(FILE *out, char *const texts[]) {
+static void write_contents(FILE *out, const product *p, char *const texts[]) {
     fputs("/* The implementation, part by part; search for a mark to get there.\n\n", out);
-    for (int i = 0; i < part_count; i++) {
-        mark m = read_mark(parts[i], texts[i]);
+    for (int i = 0; i < p->count; i++) {
+        mark m = read_mark(p->parts[i], texts[i]);
         for (int j = 0; j < i; j++) {
-            if (!strcmp(m.name, read_mark(parts[j], texts[j]).name)) stop("%s and %s have one mark", parts[j], parts[i]);
+            if (!strcmp(m.name, read_mark(p->parts[j], texts[j]).name)) stop("%s and %s have one mark", p->parts[j], p->parts[i]);
         }
         fprintf(out, "     >>%-24s %s\n", m.name, m.what);
     }
     fputs("*/\n", out);
 }
 
-static void write_header(FILE *out, const char *api, char *const texts[], const char *license) {
-    fputs("/* hydra.h is generated from src/ and shaders/shared/ by `make hydra.h`. Edit those, not this. */\n\n", out);
+static void write_header(FILE *out, const product *p, const char *api, char *const texts[], const char *license) {
+    fprintf(out, "/* %s is generated from %s by `make %s`. Edit those, not this. */\n\n", p->name, p->made_from, p->name);
     fputs(api, out);
-    fputs("\n/* ================================================================ end of the API */\n\n"
-          "#if defined(HYDRA_IMPLEMENTATION) && !defined(HYI_IMPLEMENTED)\n#define HYI_IMPLEMENTED\n\n", out);
-    write_contents(out, texts);
-    for (int i = 0; i < part_count; i++) write_part(out, i, texts[i]);
-    fputs("\n#endif /* HYDRA_IMPLEMENTATION */\n\n/*\n", out);
+    fputs("\n/* ================================================================ end of the API */\n\n", out);
+    fprintf(out, "#if defined(%s) && !defined(%s)\n#define %s\n\n", p->macro, p->once, p->once);
+    if (p->needs) fprintf(out, "#ifndef %s\n#error \"%s\"\n#endif\n\n", p->needs, p->complaint);
+    write_contents(out, p, texts);
+    for (int i = 0; i < p->count; i++) write_part(out, p, i, texts[i]);
+    fprintf(out, "\n#endif /* %s */\n\n/*\n", p->macro);
     fputs(license, out);
     fputs("*/\n", out);
 }
 
-int main(int argc, char **argv) {
-    if (argc != 2) stop("usage: amalgamate OUTPUT, or amalgamate --list");
-    if (!strcmp(argv[1], "--list")) {
-        puts(header_part);
-        for (int i = 0; i < part_count; i++) puts(parts[i]);
-        return 0;
-    }
-    char *texts[part_count], name[path_size];
-    char *api = read_file(header_part), *license = read_file(license_file);
-    for (const char *line = api; *line; line += line_length(line)) {
-        bool recipe = local_include(line, name) && !strcmp(name, "hydra.h"); /* how to use it, in the document */
-        if (local_include(line, name) && !recipe) stop("%s must not include %s", header_part, name);
-    }
+static void list(const product *p) {
+    puts(p->api);
+    for (int i = 0; i < p->count; i++) puts(p->parts[i]);
+}
+
+static void make(const product *p, const char *path) {
+    char **texts = (char **)malloc((size_t)p->count * sizeof *texts);
+    if (!texts) stop("no memory");
+    char *api = read_file(p->api), *license = read_file(license_file);
+    check_api(p, api);
     if (strstr(license, "*/")) stop("%s ends the comment it stands in", license_file);
-    for (int i = 0; i < part_count; i++) texts[i] = read_file(parts[i]);
-    FILE *out = fopen(argv[1], "wb");
-    if (!out) stop("cannot write %s", argv[1]);
-    write_header(out, api, texts, license);
+    for (int i = 0; i < p->count; i++) texts[i] = read_file(p->parts[i]);
+    FILE *out = fopen(path, "wb");
+    if (!out) stop("cannot write %s", path);
+    write_header(out, p, api, texts, license);
     bool failed = ferror(out) != 0;
-    if (fclose(out) != 0 || failed) stop("cannot write %s", argv[1]);
-    for (int i = 0; i < part_count; i++) free(texts[i]);
+    if (fclose(out) != 0 || failed) stop("cannot write %s", path);
+    for (int i = 0; i < p->count; i++) free(texts[i]);
+    free(texts);
     free(license);
     free(api);
+}
+
+int main(int argc, char **argv) {
+    bool vk = argc == 3 && !strcmp(argv[1], "--vk");
+    if (argc != 2 && !vk) stop("usage: amalgamate [--vk] OUTPUT, or amalgamate --list");
+    if (!strcmp(argv[1], "--list")) {
+        list(&hydra);
+        list(&hydra_vk);
+        return 0;
+    }
+    if (argv[argc - 1][0] == '-') stop("no option %s", argv[argc - 1]);
+    make(vk ? &hydra_vk : &hydra, argv[argc - 1]);
     return 0;
 }

@@ -21,6 +21,9 @@
 #define HYK_NEEDS_ENVIRONMENT_MAP 0x400u
 #define HYK_NEEDS_INSTANCES 0x800u
 #define HYK_NEEDS_SMOOTH_NORMALS 0x1000u
+/* What a white Lambert surface under any light can need, textured emitters included: kernels at a sensor's points. */
+#define HYK_NEEDS_AT_POINTS                                                                                                   \
+    (HYK_NEEDS_EMITTERS | HYK_NEEDS_SHAPES | HYK_NEEDS_SUNS | HYK_NEEDS_ENVIRONMENT | HYK_NEEDS_ENVIRONMENT_MAP | HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA)
 #define HYK_HAS(features, feature) (((features) & (feature)) != 0u)
 
 HYK_STRUCT(hyk_ray) {

@@ -58,6 +58,14 @@ HYK_FN hyk_uint hyk_morton_spread(hyk_uint x) {
     x = (x | (x << 2)) & 0x33333333u;
     return (x | (x << 1)) & 0x55555555u;
 }
+/* And gathers them again. */
+HYK_FN hyk_uint hyk_morton_even_bits(hyk_uint x) {
+    x &= 0x55555555u;
+    x = (x | (x >> 1)) & 0x33333333u;
+    x = (x | (x >> 2)) & 0x0f0f0f0fu;
+    x = (x | (x >> 4)) & 0x00ff00ffu;
+    return (x | (x >> 8)) & 0x0000ffffu;
+}
 HYK_FN hyk_uint hyk_morton(hyk_uint x, hyk_uint y) { return hyk_morton_spread(x) | (hyk_morton_spread(y) << 1); }
 
 HYK_FN hyk_sampler hyk_make_sampler(hyk_uint x, hyk_uint y, hyk_uint index, hyk_uint seed) {

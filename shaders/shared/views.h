@@ -26,6 +26,12 @@
 #define HYK_BINDING_ENVIRONMENT 14
 #define HYK_BINDING_ENVIRONMENT_CDF 15
 #define HYK_BINDING_ENERGY_TABLES 16
+/* What rays walk through on a device (tree.h); in C it is hyi_accel. */
+#define HYK_BINDING_TREES 17
+#define HYK_BINDING_NODES 18
+#define HYK_BINDING_SLOTS 19
+#define HYK_BINDING_WORLD_FIRST 20
+#define HYK_SCENE_BINDINGS 21
 
 #ifdef HYK_GLSL
 

@@ -45,16 +45,18 @@ HYI_FN void hyi_batch_free(hydra_context *context, hyi_batch *batch) {
     hyi_ray_stream_free(context, &batch->stream);
 }
 
+/* Where a backend traces, only lanes are taken: it hands its results over in them. */
 HYI_FN hydra_result hyi_batch_alloc(hydra_context *context, const hyi_accel *accel, uint32_t capacity, hyi_batch *batch) {
     memset(batch, 0, sizeof *batch);
     batch->capacity = capacity;
+    HYI_TRY(hyi_alloc_array(context, &batch->lanes, capacity));
+    if (context->backend) return HYDRA_OK;
     HYI_TRY(hyi_alloc_array(context, &batch->paths, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->rays, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->hits, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->shadow_rays, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->shadows, capacity));
     HYI_TRY(hyi_alloc_array(context, &batch->occluded, capacity));
-    HYI_TRY(hyi_alloc_array(context, &batch->lanes, capacity));
     hydra_result result = hyi_ray_stream_alloc(context, accel, capacity, &batch->stream);
     if (result == HYDRA_OK) return result;
     return hyi_fail(context, result, "ray streams for %u lanes", capacity);
@@ -72,7 +74,7 @@ HYI_INLINE void hyi_keep_scatter(hyi_batch *batch, const hyk_scatter *r, uint32_
     hyi_lane_add(lane, split ? r->emitted_component : 0, r->emitted);
     lane->irradiance = hyk_add(lane->irradiance, r->emitted_irradiance);
     if (r->flags & HYK_SCATTER_SURFACE) lane->first = r->first;
-    if (r->flags & HYK_SCATTER_INSIDE) lane->flags |= HYI_LANE_INSIDE;
+    if (r->flags & HYK_SCATTER_INSIDE) lane->flags |= HYK_LANE_INSIDE;
     if (r->flags & HYK_SCATTER_SHADOW) {
         hyi_shadow *shadow = &batch->shadows[batch->shadows_alive];
         shadow->diffuse = r->diffuse;
@@ -93,11 +95,11 @@ HYI_INLINE void hyi_keep_scatter(hyi_batch *batch, const hyk_scatter *r, uint32_
 
 HYI_INLINE void hyi_shade_batch(const hyi_picture *picture, hyi_batch *batch, uint32_t features) {
     uint32_t count = batch->paths_alive;
-    bool split = (picture->settings.wants & HYK_WANTS_COMPONENTS) != 0;
+    bool split = (picture->kernel.settings.wants & HYK_WANTS_COMPONENTS) != 0;
     batch->paths_alive = batch->shadows_alive = 0;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t lane = batch->paths[i].lane;
-        hyk_scatter r = hyk_shade(picture->view, picture->settings, batch->paths[i], batch->hits[i], features);
+        hyk_scatter r = hyk_shade(picture->view, picture->kernel.settings, batch->paths[i], batch->hits[i], features);
         hyi_keep_scatter(batch, &r, lane, split);
     }
 }
@@ -137,74 +139,45 @@ HYI_FN void hyi_shade(const hyi_picture *picture, hyi_batch *batch) {
 
 /* ---- generate */
 
-HYI_FN bool hyi_chunk_holds(const hyi_chunk *chunk, uint32_t x, uint32_t y) {
-    return x >= chunk->left && x < chunk->right && y >= chunk->top && y < chunk->bottom;
-}
-
-HYI_FN void hyi_clear_lane(hyi_lane *lane, bool used) {
-    memset(lane, 0, sizeof *lane);
-    lane->instance = lane->primitive = HYK_NONE;
-    lane->first.material = HYK_NONE;
-    lane->flags = used ? HYI_LANE_USED : 0u;
-}
-
-HYI_FN hyk_ray hyi_callers_ray(const hydra_ray *given) {
-    hyk_vec3 d = hyk_make3(given->direction[0], given->direction[1], given->direction[2]);
-    float length = hyk_length(d);
-    hyk_ray ray;
-    ray.origin = hyk_make3(given->origin[0], given->origin[1], given->origin[2]);
-    ray.direction = hyk_normalize(d);
-    ray.t_min = given->t_min * length;
-    ray.t_max = given->t_max < FLT_MAX / fmaxf(length, 1.0f) ? given->t_max * length : FLT_MAX;
-    return ray;
-}
-
 /* Paths from points start with a scattering at the point, not with a ray. */
-HYI_FN void hyi_scatter_point(const hyi_picture *picture, hyi_batch *batch, hyk_path path, uint32_t point) {
-    const float *p = picture->point_positions + (size_t)3 * point, *n = picture->point_normals + (size_t)3 * point;
+HYI_FN void hyi_scatter_point(const hyi_picture *picture, hyi_batch *batch, hyk_sampler random, uint32_t lane, size_t point) {
+    const float *p = picture->point_positions + 3 * point, *n = picture->point_normals + 3 * point;
     hyk_vec3 position = hyk_make3(p[0], p[1], p[2]), normal = hyk_make3(n[0], n[1], n[2]);
-    const uint32_t features = HYI_FEATURES_OUTDOOR; /* a white Lambert surface under any light, textured emitters too */
-    hyk_scatter r = hyk_shade_point(picture->view, picture->settings, path, position, normal, features | HYK_NEEDS_TEXTURES | HYK_NEEDS_ALPHA);
-    hyi_keep_scatter(batch, &r, path.lane, (picture->settings.wants & HYK_WANTS_COMPONENTS) != 0);
-}
-
-HYI_FN hyk_ray hyi_sensor_ray(const hyi_picture *picture, uint32_t x, uint32_t y, hyk_sampler random) {
-    const hyk_camera *camera = &picture->camera;
-    if (camera->kind == HYK_SENSOR_RAYS) return hyi_callers_ray(&picture->rays[(size_t)y * camera->width + x]);
-    hyk_vec2 lens = camera->kind == HYK_SENSOR_THIN_LENS ? hyk_sample_pair(random, HYK_PAIR_LENS) : hyk_make2(0.0f, 0.0f);
-    return hyk_camera_ray(*camera, hyk_film_point(*camera, x, y, hyk_sample_pair(random, HYK_PAIR_FILM)), lens);
+    hyk_path path = hyk_point_path(picture->kernel, random, lane);
+    hyk_scatter r = hyk_shade_point(picture->view, picture->kernel.settings, path, position, normal, HYK_NEEDS_AT_POINTS);
+    batch->lanes[lane].flags |= HYK_LANE_HIT;
+    hyi_keep_scatter(batch, &r, lane, (picture->kernel.settings.wants & HYK_WANTS_COMPONENTS) != 0);
 }
 
 HYI_FN void hyi_generate_lane(const hyi_picture *picture, hyi_batch *batch, uint32_t x, uint32_t y, uint32_t sample, uint32_t lane) {
-    const hyk_camera *camera = &picture->camera;
-    /* even samples belong to one half of the estimate, odd ones to the other: two independent sequences */
-    hyk_sampler random = hyk_make_sampler(x, y, sample >> 1, picture->seed_of_half[sample & 1]);
+    const hyk_camera *camera = &picture->kernel.camera;
+    size_t element = (size_t)y * camera->width + x; /* of a list */
+    hyk_sampler random = hyk_lane_sampler(picture->kernel, x, y, sample);
     if (camera->kind == HYK_SENSOR_POINTS) {
-        hyk_ray none;
-        memset(&none, 0, sizeof none);
-        hyk_path path = hyk_begin_path(none, random, lane, picture->max_depth, 0.0f, camera->spread);
-        batch->lanes[lane].flags |= HYI_LANE_HIT;
-        hyi_scatter_point(picture, batch, path, y * camera->width + x);
+        hyi_scatter_point(picture, batch, random, lane, element);
         return;
     }
-    hyk_ray ray = hyi_sensor_ray(picture, x, y, random);
-    if (ray.t_max >= FLT_MAX) ray.t_max = hyk_salted_infinity(random, HYK_NONE, picture->features);
-    batch->paths[batch->paths_alive] = hyk_begin_path(ray, random, lane, picture->max_depth, camera->start_width, camera->spread);
-    batch->rays[batch->paths_alive++] = ray;
+    hyk_ray ray;
+    if (camera->kind == HYK_SENSOR_RAYS) ray = hyk_callers_ray(hyi_load_ray((const hyk_ray *)(const void *)&picture->rays[element]));
+    else ray = hyk_sensor_ray(*camera, x, y, random);
+    batch->paths[batch->paths_alive] = hyk_first_path(picture->kernel, ray, random, lane, picture->features);
+    batch->rays[batch->paths_alive] = batch->paths[batch->paths_alive].ray;
+    batch->paths_alive++;
 }
 
-HYI_FN void hyi_generate(const hyi_picture *picture, const hyi_chunk *chunk, hyi_batch *batch) {
+HYI_FN void hyi_generate(const hyi_picture *picture, const hyk_unit *unit, hyi_batch *batch) {
+    const hyk_picture *k = &picture->kernel;
     batch->paths_alive = batch->shadows_alive = 0;
-    for (uint32_t p = 0; p < chunk->pixels; p++) {
-        uint32_t x = chunk->tile_x + chunk->pixel_x[p], y = chunk->tile_y + chunk->pixel_y[p];
-        bool used = hyi_chunk_holds(chunk, x, y);
-        for (uint32_t s = 0; s < chunk->samples; s++) {
-            uint32_t lane = p * chunk->samples + s;
+    for (uint32_t p = 0; p < k->tile_pixels; p++) {
+        uint32_t x = unit->tile_x + hyk_tile_column(k->tile_width, k->tile_is_square, p);
+        uint32_t y = unit->tile_y + hyk_tile_row(k->tile_width, k->tile_is_square, p);
+        bool used = hyk_picture_holds(*k, x, y);
+        for (uint32_t s = 0; s < unit->samples; s++) {
+            uint32_t lane = p * unit->samples + s;
             hyi_clear_lane(&batch->lanes[lane], used);
-            if (used) hyi_generate_lane(picture, batch, x, y, chunk->first_sample + s, lane);
+            if (used) hyi_generate_lane(picture, batch, x, y, unit->first_sample + s, lane);
         }
     }
-    batch->counters.rays_camera += batch->paths_alive;
 }
 
 /* ---- shadow and intersect */
@@ -237,18 +210,19 @@ HYI_FN void hyi_keep_first_hits(hyi_batch *batch) {
         const hyk_hit *hit = &batch->hits[i];
         lane->instance = hit->instance;
         lane->primitive = hit->primitive;
-        if (hit->instance != HYK_NONE) lane->flags |= HYI_LANE_HIT;
+        if (hit->instance != HYK_NONE) lane->flags |= HYK_LANE_HIT;
     }
 }
 
 /* ---- the sequence */
 
-HYI_FN void hyi_cpu_trace_chunk(const hyi_picture *picture, const hyi_chunk *chunk, hyi_batch *batch) {
+HYI_FN void hyi_cpu_trace_unit(const hyi_picture *picture, const hyk_unit *unit, hyi_batch *batch) {
     hyi_counters *c = &batch->counters;
     double start = hyi_seconds(), now;
-    hyi_generate(picture, chunk, batch);
-    bool from_sensor = picture->camera.kind != HYK_SENSOR_POINTS;
-    c->paths += (uint64_t)chunk->pixels * chunk->samples;
+    hyi_generate(picture, unit, batch);
+    bool from_sensor = picture->kernel.camera.kind != HYK_SENSOR_POINTS;
+    if (from_sensor) c->rays_camera += batch->paths_alive;
+    c->paths += (uint64_t)picture->kernel.tile_pixels * unit->samples;
     now = hyi_seconds(), c->generate += now - start, start = now;
     hyi_shadow_pass(picture, batch);
     now = hyi_seconds(), c->shadow += now - start, start = now;

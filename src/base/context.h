@@ -5,12 +5,15 @@
 #include "platform.h"
 
 typedef struct hyi_pool hyi_pool;
+struct hyi_backend;
 
 struct hydra_context {
     hydra_context_desc desc;
     hydra_isa isa;
     uint32_t threads;
     hyi_pool *pool; /* NULL: one thread, or the caller's parallel_for */
+    const struct hyi_backend *backend; /* NULL: work is done on the threads (backend.h) */
+    void *device;                      /* the backend's */
     uint32_t scenes_living;
     hyi_atomic bytes_now, bytes_peak, allocations_now;
     char error[512];

@@ -2,7 +2,7 @@
 #ifndef HYI_CREATE_H
 #define HYI_CREATE_H
 
-#include "threads.h"
+#include "backend.h"
 
 HYDRA_API const char *hydra_result_text(hydra_result result) {
     switch (result) {
@@ -80,6 +80,7 @@ HYDRA_API hydra_result hydra_destroy(hydra_context *context) {
 #if !defined(HYDRA_NO_THREADS)
     hyi_pool_destroy(context);
 #endif
+    if (context->backend) context->backend->destroy(context);
     hydra_allocator allocator = context->desc.allocator;
     allocator.release(allocator.user, context, sizeof *context);
     return HYDRA_OK;

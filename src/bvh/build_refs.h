@@ -148,11 +148,7 @@ HYI_FN void hyi_fill_chunk(void *argument, uint32_t chunk) {
 
 /* The power of two that brings the largest coordinate to about 1, or 1 where it is within 2^20 of that. */
 HYI_FN float hyi_build_scale(const hyi_box *box) {
-    float largest = 0.0f;
-    for (int a = 0; a < 3; a++) {
-        largest = fabsf(box->lower[a]) > largest ? fabsf(box->lower[a]) : largest;
-        largest = fabsf(box->upper[a]) > largest ? fabsf(box->upper[a]) : largest;
-    }
+    float largest = hyi_box_largest(box);
     int exponent = 0;
     (void)frexpf(largest, &exponent);
     if (largest <= 0.0f || (exponent >= -20 && exponent <= 20)) return 1.0f;

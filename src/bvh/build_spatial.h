@@ -35,8 +35,6 @@ typedef struct hyi_corners {
     hyi_four slop; /* more than the error of a point computed on an edge */
 } hyi_corners;
 
-HYI_INLINE hyi_four hyi_four_size(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
-
 /* The corners of a triangle in the units of the tree. A point of an edge is p + (q - p) t, t = (plane - p) / (q - p)
    along the axis: the roundings add up to less than 8 2^-24 (|p| + |q|), and what flushed denormals lose is less than
    HYI_SPATIAL_TINY. */
@@ -46,7 +44,7 @@ HYI_INLINE void hyi_load_corners(const hyi_build *build, uint32_t id, hyi_corner
         const float *p = hyi_source_corner(build, id, c);
         hyi_four corner = hyi_four_mul(hyi_four_make(p[0], p[1], p[2]), scale);
         hyi_four_store(corners->at[c], corner);
-        size = hyi_four_max(size, hyi_four_size(corner));
+        size = hyi_four_max(size, hyi_four_abs(corner));
     }
     corners->slop = hyi_four_add(hyi_four_mul(size, hyi_four_all(HYI_SPATIAL_SLOP)), hyi_four_all(HYI_SPATIAL_TINY));
 }

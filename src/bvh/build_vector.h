@@ -99,6 +99,8 @@ HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return a.f[0] > b.f[0
 
 #endif
 
+HYI_INLINE hyi_four hyi_four_abs(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
+
 /* Keeps a value as rounded, so that it is the same wherever it is computed again: see hyi_rounded. */
 HYI_INLINE hyi_four hyi_four_rounded(hyi_four a) {
 #if HYI_GNU && HYI_X86

@@ -97,6 +97,16 @@ HYI_INLINE void hyi_box_add(hyi_box *box, const float *lower, const float *upper
     }
 }
 
+/* The largest size of a coordinate. */
+HYI_INLINE float hyi_box_largest(const hyi_box *box) {
+    float largest = 0.0f;
+    for (int a = 0; a < 3; a++) {
+        largest = fabsf(box->lower[a]) > largest ? fabsf(box->lower[a]) : largest;
+        largest = fabsf(box->upper[a]) > largest ? fabsf(box->upper[a]) : largest;
+    }
+    return largest;
+}
+
 /* Half of the surface, in double: squares of the smallest and largest floats stay in range. Empty: 0. */
 HYI_INLINE double hyi_box_area(const hyi_box *box) {
     double x = (double)box->upper[0] - (double)box->lower[0];
@@ -104,5 +114,33 @@ HYI_INLINE double hyi_box_area(const hyi_box *box) {
     double z = (double)box->upper[2] - (double)box->lower[2];
     return x < 0.0 ? 0.0 : x * y + y * z + z * x;
 }
+
+/* ---- nodes, for whoever does not build or pass them: all that knows how they lie in memory */
+
+/* HYI_CHILD_NONE: there is no such child, nor one behind it. */
+HYI_INLINE uint32_t hyi_node_child(const hyi_bvh *bvh, uint32_t node, uint32_t c) { return bvh->nodes[node].child[c]; }
+
+/* In the tree's units. */
+HYI_INLINE hyi_box hyi_node_box(const hyi_bvh *bvh, uint32_t node, uint32_t c) {
+    hyi_box box;
+    for (int a = 0; a < 3; a++) {
+        box.lower[a] = bvh->nodes[node].planes[2 * a][c];
+        box.upper[a] = bvh->nodes[node].planes[2 * a + 1][c];
+    }
+    return box;
+}
+
+/* Gives the first count children, which are all, new boxes, in the tree's units. */
+HYI_INLINE void hyi_node_move(hyi_bvh *bvh, uint32_t node, const hyi_box *boxes, uint32_t count) {
+    for (int a = 0; a < 3; a++) {
+        for (uint32_t c = 0; c < count; c++) {
+            bvh->nodes[node].planes[2 * a][c] = boxes[c].lower[a];
+            bvh->nodes[node].planes[2 * a + 1][c] = boxes[c].upper[a];
+        }
+    }
+}
+
+/* Where the first float of a triangle lies in its leaf; the other eight follow at distances of count. */
+HYI_INLINE float *hyi_leaf_lane(const hyi_bvh *bvh, uint32_t first, uint32_t lane) { return bvh->rows + 9u * (size_t)first + lane; }
 
 #endif /* HYI_BVH_LAYOUT_H */

@@ -8,34 +8,6 @@
 
 #include "build.h"
 
-/* ---- nodes, for whoever does not build or pass them: all that knows how they lie in memory */
-
-/* HYI_CHILD_NONE: there is no such child, nor one behind it. */
-HYI_INLINE uint32_t hyi_node_child(const hyi_bvh *bvh, uint32_t node, uint32_t c) { return bvh->nodes[node].child[c]; }
-
-/* In the tree's units. */
-HYI_INLINE hyi_box hyi_node_box(const hyi_bvh *bvh, uint32_t node, uint32_t c) {
-    hyi_box box;
-    for (int a = 0; a < 3; a++) {
-        box.lower[a] = bvh->nodes[node].planes[2 * a][c];
-        box.upper[a] = bvh->nodes[node].planes[2 * a + 1][c];
-    }
-    return box;
-}
-
-/* Gives the first count children, which are all, new boxes, in the tree's units. */
-HYI_INLINE void hyi_node_move(hyi_bvh *bvh, uint32_t node, const hyi_box *boxes, uint32_t count) {
-    for (int a = 0; a < 3; a++) {
-        for (uint32_t c = 0; c < count; c++) {
-            bvh->nodes[node].planes[2 * a][c] = boxes[c].lower[a];
-            bvh->nodes[node].planes[2 * a + 1][c] = boxes[c].upper[a];
-        }
-    }
-}
-
-/* Where the first float of a triangle lies in its leaf; the other eight follow at distances of count. */
-HYI_INLINE float *hyi_leaf_lane(const hyi_bvh *bvh, uint32_t first, uint32_t lane) { return bvh->rows + 9u * (size_t)first + lane; }
-
 /* ---- boxes of points as the caller gave them: in any part of float's range */
 
 HYI_INLINE hyi_bounds hyi_raw_empty(void) {
@@ -52,7 +24,6 @@ HYI_INLINE hyi_box hyi_box_of(const hyi_bounds *bounds) {
 }
 
 HYI_INLINE hyi_four hyi_point(const float *p) { return hyi_four_make(p[0], p[1], p[2]); }
-HYI_INLINE hyi_four hyi_four_abs(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
 
 /* x, y and z, each stride floats behind the other. */
 HYI_INLINE void hyi_four_scatter(hyi_four a, float *to, uint32_t stride) {
@@ -291,11 +262,7 @@ HYI_FN hyi_refit_sum hyi_refit_pass(hyi_refit *refit, hyi_bounds *box) {
 
 /* Whether a scale keeps coordinates as near to 1 as hyi_build_scale wants them; those far below may be anywhere. */
 HYI_FN bool hyi_scale_serves(float scale, const hyi_box *box, bool from_below) {
-    float largest = 0.0f;
-    for (int a = 0; a < 3; a++) {
-        largest = fabsf(box->lower[a]) > largest ? fabsf(box->lower[a]) : largest;
-        largest = fabsf(box->upper[a]) > largest ? fabsf(box->upper[a]) : largest;
-    }
+    float largest = hyi_box_largest(box);
     int exponent = 0;
     (void)frexp((double)largest * (double)scale, &exponent);
     return largest <= 0.0f || (exponent <= 20 && (exponent >= -20 || !from_below));

@@ -130,7 +130,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
     }
 }
 
-/* One of the instances that a ray meets; argument: hyi_site of the tree over them. */
+/* One of the instances that a ray meets; argument: hyi_visit_of. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_visit_instance)(void *argument, hyi_flight *flight, uint32_t item) {
     const hyi_visit_of *of = (const hyi_visit_of *)argument;
     hyi_site site = hyi_site_of_item(of->accel, item);

@@ -72,7 +72,7 @@ HYI_FN uint32_t hyi_count_groups(const hyi_film *film, size_t tile, uint32_t cou
     uint32_t all = 0;
     memset(counts, 0, HYI_GROUPS * sizeof *counts);
     for (uint32_t i = 0; i < film->tile_pixels; i++) {
-        uint32_t x = hyi_tile_left(film, tile) + film->pixel_x[i], y = hyi_tile_top(film, tile) + film->pixel_y[i];
+        uint32_t x = hyi_pixel_left(film, tile, i), y = hyi_pixel_top(film, tile, i);
         if (x < film->left || x >= film->right || y < film->top || y >= film->bottom) continue;
         counts[hyi_group_of(i)]++;
         all++;

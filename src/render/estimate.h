@@ -21,7 +21,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
     hyi_plan_render(&resolved, &film);
     uint32_t features = scene->view.constants.features;
     estimate->bytes_film = hyi_film_bytes(&film) + hyi_schedule_bytes(&film, resolved.target_error > 0.0f);
-    estimate->bytes_lanes = scene->context->threads * hyi_worker_bytes(&scene->accel, &film);
+    estimate->bytes_lanes = scene->context->threads * hyi_worker_bytes(scene, &film);
     estimate->bytes_sensor = hyi_sensor_bytes(resolved.sensor.kind, (uint64_t)resolved.width * resolved.height);
     estimate->bytes_total = sizeof(hydra_render) + estimate->bytes_film + estimate->bytes_lanes + estimate->bytes_sensor;
     estimate->passes = hyi_passes(features, &resolved);

@@ -60,7 +60,6 @@ typedef struct hyi_film {
     uint32_t first_sample;
     uint32_t planes_wanted; /* bits 1 << hyi_plane */
     bool ids_wanted;
-    uint16_t *pixel_x, *pixel_y; /* within a tile, along the Morton curve where it is square */
     hyi_tile *tiles;
     hyi_pixel *pixels;
     hyi_sum3 *planes[HYI_PLANE_COUNT]; /* pairs: two a pixel, half after half */
@@ -72,6 +71,14 @@ HYI_INLINE size_t hyi_film_pixel_count(const hyi_film *film) { return hyi_film_t
 HYI_FN size_t hyi_plane_sums(const hyi_film *film, int plane) { return hyi_film_pixel_count(film) * (hyi_plane_is_pair(plane) ? 2u : 1u); }
 HYI_INLINE uint32_t hyi_tile_left(const hyi_film *film, size_t tile) { return (film->first_tile_x + (uint32_t)(tile % film->tiles_x)) * film->tile_width; }
 HYI_INLINE uint32_t hyi_tile_top(const hyi_film *film, size_t tile) { return (film->first_tile_y + (uint32_t)(tile / film->tiles_x)) * film->tile_height; }
+
+/* Of a tile's pixel, in the frame. */
+HYI_INLINE uint32_t hyi_pixel_left(const hyi_film *film, size_t tile, uint32_t i) {
+    return hyi_tile_left(film, tile) + hyk_tile_column(film->tile_width, film->tile_width == film->tile_height, i);
+}
+HYI_INLINE uint32_t hyi_pixel_top(const hyi_film *film, size_t tile, uint32_t i) {
+    return hyi_tile_top(film, tile) + hyk_tile_row(film->tile_width, film->tile_width == film->tile_height, i);
+}
 
 /* ---- layout and memory */
 
@@ -109,38 +116,18 @@ HYI_FN size_t hyi_film_bytes(const hyi_film *film) {
     for (int p = 0; p < HYI_PLANE_COUNT; p++)
         if (film->planes_wanted >> p & 1u) bytes += hyi_plane_sums(film, p) * sizeof(hyi_sum3);
     if (film->ids_wanted) bytes += hyi_film_pixel_count(film) * sizeof(hyi_ids);
-    return bytes + 2 * film->tile_pixels * sizeof(uint16_t);
+    return bytes;
 }
 
 HYI_FN void hyi_film_free(hydra_context *context, hyi_film *film) {
-    hyi_free_array(context, &film->pixel_x, film->tile_pixels);
-    hyi_free_array(context, &film->pixel_y, film->tile_pixels);
     hyi_free_array(context, &film->tiles, hyi_film_tile_count(film));
     hyi_free_array(context, &film->pixels, hyi_film_pixel_count(film));
     for (int p = 0; p < HYI_PLANE_COUNT; p++) hyi_free_array(context, &film->planes[p], hyi_plane_sums(film, p));
     hyi_free_array(context, &film->ids, hyi_film_pixel_count(film));
 }
 
-HYI_FN uint32_t hyi_morton_even_bits(uint32_t x) {
-    x &= 0x55555555u;
-    x = (x | x >> 1) & 0x33333333u;
-    x = (x | x >> 2) & 0x0f0f0f0fu;
-    x = (x | x >> 4) & 0x00ff00ffu;
-    return (x | x >> 8) & 0x0000ffffu;
-}
-
-HYI_FN void hyi_order_tile_pixels(hyi_film *film) {
-    bool square = film->tile_width == film->tile_height;
-    for (uint32_t i = 0; i < film->tile_pixels; i++) {
-        film->pixel_x[i] = (uint16_t)(square ? hyi_morton_even_bits(i) : i % film->tile_width);
-        film->pixel_y[i] = (uint16_t)(square ? hyi_morton_even_bits(i >> 1) : i / film->tile_width);
-    }
-}
-
 HYI_FN hydra_result hyi_film_alloc_parts(hydra_context *context, hyi_film *film) {
     size_t pixels = hyi_film_pixel_count(film);
-    HYI_TRY(hyi_alloc_array(context, &film->pixel_x, film->tile_pixels));
-    HYI_TRY(hyi_alloc_array(context, &film->pixel_y, film->tile_pixels));
     HYI_TRY(hyi_alloc_array(context, &film->tiles, hyi_film_tile_count(film)));
     HYI_TRY(hyi_alloc_array(context, &film->pixels, pixels));
     memset(film->tiles, 0, hyi_film_tile_count(film) * sizeof *film->tiles);
@@ -160,8 +147,7 @@ HYI_FN hydra_result hyi_film_alloc_parts(hydra_context *context, hyi_film *film)
 /* film is planned. On failure nothing stays allocated. */
 HYI_FN hydra_result hyi_film_alloc(hydra_context *context, hyi_film *film) {
     hydra_result result = hyi_film_alloc_parts(context, film);
-    if (result == HYDRA_OK) hyi_order_tile_pixels(film);
-    else hyi_film_free(context, film);
+    if (result != HYDRA_OK) hyi_film_free(context, film);
     return result;
 }
 
@@ -205,8 +191,8 @@ HYI_INLINE void hyi_plane_add(const hyi_film *film, int plane, size_t at, hyk_ve
 
 HYI_FN void hyi_add_means(hyi_film *film, size_t pixel, const hyi_lane *lane) {
     hyk_first_surface first = lane->first;
-    if (lane->flags & HYI_LANE_INSIDE) hyi_plane_add(film, HYI_PLANE_DEPTH, pixel, hyk_make3(0.0f, 1.0f, 0.0f));
-    if (!(lane->flags & HYI_LANE_HIT)) return;
+    if (lane->flags & HYK_LANE_INSIDE) hyi_plane_add(film, HYI_PLANE_DEPTH, pixel, hyk_make3(0.0f, 1.0f, 0.0f));
+    if (!(lane->flags & HYK_LANE_HIT)) return;
     hyi_plane_add(film, HYI_PLANE_ALBEDO, pixel, first.albedo);
     hyi_plane_add(film, HYI_PLANE_NORMAL, pixel, first.normal);
     hyi_plane_add(film, HYI_PLANE_POSITION, pixel, first.position);
@@ -238,7 +224,7 @@ HYI_FN float hyi_film_add(hyi_film *film, size_t index, int half, bool open, hyi
     hyi_lane_radiance(lane, rgb);
     float luminance = hyi_luminance(rgb);
     if (open) hyi_add_radiance(film, index, half, lane, rgb, luminance);
-    if (lane->flags & HYI_LANE_HIT) pixel->hits++;
+    if (lane->flags & HYK_LANE_HIT) pixel->hits++;
     hyi_add_means(film, index, lane);
     return luminance;
 }

@@ -32,6 +32,7 @@ struct hydra_render {
     hyi_sample_range ranges[HYI_MAX_RANGES];
     uint32_t range_count;
     hyi_batch *batches; /* one a worker */
+    void *device;       /* the backend's */
     uint32_t workers;
     double *accumulate; /* seconds, by worker */
     hyi_atomic cancel;
@@ -117,28 +118,36 @@ HYI_FN uint32_t hyi_wants_of(const hyi_film *film) {
 HYI_FN size_t hyi_schedule_bytes(const hyi_film *film, bool adaptive) {
     return 2 * hyi_film_tile_count(film) * sizeof(uint32_t) + (adaptive ? hyi_film_pixel_count(film) * sizeof(float) : 0);
 }
-HYI_FN size_t hyi_worker_bytes(const hyi_accel *accel, const hyi_film *film) {
-    size_t lanes = (size_t)film->tile_pixels * HYI_CHUNK_SAMPLES;
-    hyi_ray_stream stream = hyi_plan_ray_stream(accel, lanes);
-    return lanes * HYI_LANE_BYTES + hyi_ray_stream_bytes(&stream) + sizeof(hyi_batch) + sizeof(double);
+HYI_FN size_t hyi_worker_bytes(const hydra_scene *scene, const hyi_film *film) {
+    size_t lanes = (size_t)film->tile_pixels * HYI_CHUNK_SAMPLES, bytes = sizeof(hyi_batch) + sizeof(double);
+    if (scene->context->backend) return bytes + lanes * sizeof(hyi_lane);
+    hyi_ray_stream stream = hyi_plan_ray_stream(&scene->accel, lanes);
+    return bytes + lanes * HYI_LANE_BYTES + hyi_ray_stream_bytes(&stream);
 }
 
 /* ---- creation */
 
 HYI_FN void hyi_fill_picture(hydra_render *r) {
     hyi_picture *p = &r->picture;
+    hyk_picture *k = &p->kernel;
     p->view = &r->scene->view;
     p->accel = &r->scene->accel;
-    p->settings.strategy = (uint32_t)r->desc.strategy;
-    p->settings.wants = hyi_wants_of(&r->film);
+    k->settings.strategy = (uint32_t)r->desc.strategy;
+    k->settings.wants = hyi_wants_of(&r->film);
+    k->tile_pixels = r->film.tile_pixels;
+    k->tile_width = r->film.tile_width;
+    k->tile_is_square = r->film.tile_width == r->film.tile_height;
+    k->left = r->film.left;
+    k->top = r->film.top;
+    k->right = r->film.right;
+    k->bottom = r->film.bottom;
+    k->max_depth = r->desc.max_depth;
+    k->seed_even = hyk_hash2(r->desc.seed, 0x68616c66u);
+    k->seed_odd = hyk_hash2(r->desc.seed, 0x6f746872u);
     p->point_positions = r->sensor.positions;
     p->point_normals = r->sensor.normals;
     p->rays = r->sensor.rays;
-    const hyk_scene_constants *constants = &r->scene->view.constants;
-    p->max_depth = r->desc.max_depth;
-    p->seed_of_half[0] = hyk_hash2(r->desc.seed, 0x68616c66u);
-    p->seed_of_half[1] = hyk_hash2(r->desc.seed, 0x6f746872u);
-    p->features = constants->features;
+    p->features = r->scene->view.constants.features;
 }
 
 HYI_FN hydra_result hyi_schedule_alloc(hydra_render *r) {
@@ -168,7 +177,7 @@ HYI_FN hydra_result hyi_workers_alloc(hydra_render *r) {
 HYI_FN hydra_result hyi_render_fill(hydra_render *r, const hydra_render_desc *desc) {
     r->desc = hyi_resolved_render_desc(desc);
     r->report.made_at = -1.0;
-    HYI_TRY(hyi_fill_camera(r->context, &r->desc.sensor, r->desc.width, r->desc.height, &r->picture.camera));
+    HYI_TRY(hyi_fill_camera(r->context, &r->desc.sensor, r->desc.width, r->desc.height, &r->picture.kernel.camera));
     hyi_film planned;
     hyi_plan_render(&r->desc, &planned);
     if (hyi_film_pixel_count(&planned) > (size_t)UINT32_MAX * planned.tile_pixels) return hyi_fail(r->context, HYDRA_ERROR_OVERFLOW, "%u x %u pixels", r->desc.width, r->desc.height);
@@ -178,12 +187,13 @@ HYI_FN hydra_result hyi_render_fill(hydra_render *r, const hydra_render_desc *de
     HYI_TRY(hyi_schedule_alloc(r));
     HYI_TRY(hyi_workers_alloc(r));
     hyi_fill_picture(r);
-    return HYDRA_OK;
+    return r->context->backend ? r->context->backend->begin_render(r) : HYDRA_OK;
 }
 
 HYDRA_API void hydra_render_destroy(hydra_render *render) {
     if (!render) return;
     hydra_context *context = render->context;
+    if (context->backend) context->backend->end_render(render);
     for (uint32_t i = 0; render->batches && i < render->workers; i++) hyi_batch_free(context, &render->batches[i]);
     hyi_free_array(context, &render->batches, render->workers);
     hyi_free_array(context, &render->accumulate, render->workers);
@@ -218,21 +228,13 @@ HYI_FN uint32_t hyi_chunk_samples(const hydra_render *r, uint32_t chunk) {
     return left < HYI_CHUNK_SAMPLES ? left : HYI_CHUNK_SAMPLES;
 }
 
-HYI_FN hyi_chunk hyi_describe_chunk(const hydra_render *r, uint32_t tile, uint32_t index) {
-    const hyi_film *film = &r->film;
-    hyi_chunk c;
-    c.pixel_x = film->pixel_x;
-    c.pixel_y = film->pixel_y;
-    c.tile_x = hyi_tile_left(film, tile);
-    c.tile_y = hyi_tile_top(film, tile);
-    c.left = film->left;
-    c.top = film->top;
-    c.right = film->right;
-    c.bottom = film->bottom;
-    c.pixels = film->tile_pixels;
-    c.first_sample = film->first_sample + index * HYI_CHUNK_SAMPLES;
-    c.samples = hyi_chunk_samples(r, index);
-    return c;
+HYI_FN hyk_unit hyi_describe_unit(const hydra_render *r, uint32_t tile, uint32_t chunk) {
+    hyk_unit unit;
+    unit.tile_x = hyi_tile_left(&r->film, tile);
+    unit.tile_y = hyi_tile_top(&r->film, tile);
+    unit.first_sample = r->film.first_sample + chunk * HYI_CHUNK_SAMPLES;
+    unit.samples = hyi_chunk_samples(r, chunk);
+    return unit;
 }
 
 HYI_FN void hyi_keep_ids(hydra_render *r, size_t index, const hyi_lane *lane) {
@@ -244,43 +246,43 @@ HYI_FN void hyi_keep_ids(hydra_render *r, size_t index, const hyi_lane *lane) {
     ids->material = lane->first.material == HYK_NONE ? 0 : lane->first.material;
 }
 
-HYI_FN void hyi_accumulate_pixel(hydra_render *r, const hyi_tile *tile, const hyi_chunk *chunk, size_t index, hyi_lane *lanes, double *judgement) {
+HYI_FN void hyi_accumulate_pixel(hydra_render *r, const hyi_tile *tile, const hyk_unit *unit, size_t index, hyi_lane *lanes, double *judgement) {
     float luminance[HYI_CHUNK_SAMPLES];
-    if (r->film.ids && chunk->first_sample == r->film.first_sample) hyi_keep_ids(r, index, &lanes[0]);
+    if (r->film.ids && unit->first_sample == r->film.first_sample) hyi_keep_ids(r, index, &lanes[0]);
     uint32_t group = hyi_group_of(index);
     bool open = !(tile->closed >> group & 1u);
-    for (uint32_t s = 0; s < chunk->samples; s++) luminance[s] = hyi_film_add(&r->film, index, (int)(s & 1), open, &lanes[s]);
+    for (uint32_t s = 0; s < unit->samples; s++) luminance[s] = hyi_film_add(&r->film, index, (int)(s & 1), open, &lanes[s]);
     if (!r->schedule.weights) return;
     double weight = (double)r->schedule.weights[index];
-    judgement[group] += weight * weight * hyi_chunk_variance(luminance, chunk->samples);
+    judgement[group] += weight * weight * hyi_chunk_variance(luminance, unit->samples);
 }
 
 /* The order in which chunks arrive does not matter: every sum is exact. */
-HYI_FN void hyi_accumulate(hydra_render *r, uint32_t tile_index, const hyi_chunk *chunk, hyi_lane *lanes) {
+HYI_FN void hyi_accumulate(hydra_render *r, uint32_t tile_index, const hyk_unit *unit, hyi_lane *lanes) {
     hyi_tile *tile = &r->film.tiles[tile_index];
     double judgement[HYI_GROUPS] = { 0.0 };
     while (!hyi_atomic_swap_if(&tile->lock, 0, 1)) continue;
-    for (uint32_t p = 0; p < chunk->pixels; p++) {
-        hyi_lane *first = &lanes[p * chunk->samples];
-        if (first->flags & HYI_LANE_USED) hyi_accumulate_pixel(r, tile, chunk, (size_t)tile_index * chunk->pixels + p, first, judgement);
+    for (uint32_t p = 0; p < r->film.tile_pixels; p++) {
+        hyi_lane *first = &lanes[p * unit->samples];
+        if (first->flags & HYK_LANE_USED) hyi_accumulate_pixel(r, tile, unit, (size_t)tile_index * r->film.tile_pixels + p, first, judgement);
     }
     for (uint32_t g = 0; g < HYI_GROUPS; g++)
-        if (!(tile->closed >> g & 1u)) tile->reported[g] += chunk->samples;
-    tile->taken += chunk->samples;
+        if (!(tile->closed >> g & 1u)) tile->reported[g] += unit->samples;
+    tile->taken += unit->samples;
     tile->chunks++;
-    if (r->schedule.weights && r->schedule.stage > 0 && chunk->samples >= 4) {
+    if (r->schedule.weights && r->schedule.stage > 0 && unit->samples >= 4) {
         for (uint32_t g = 0; g < HYI_GROUPS; g++) hyi_sum_add(&tile->statistic[g], judgement[g]);
         tile->judged++;
     }
     hyi_atomic_store(&tile->lock, 0);
 }
 
-HYI_FN void hyi_run_unit(hydra_render *r, uint32_t worker, uint32_t tile, uint32_t chunk_index) {
+HYI_FN void hyi_run_unit(hydra_render *r, uint32_t worker, uint32_t tile, uint32_t chunk) {
     hyi_batch *batch = &r->batches[worker];
-    hyi_chunk chunk = hyi_describe_chunk(r, tile, chunk_index);
-    hyi_cpu_trace_chunk(&r->picture, &chunk, batch);
+    hyk_unit unit = hyi_describe_unit(r, tile, chunk);
+    hyi_cpu_trace_unit(&r->picture, &unit, batch);
     double start = hyi_seconds();
-    hyi_accumulate(r, tile, &chunk, batch->lanes);
+    hyi_accumulate(r, tile, &unit, batch->lanes);
     r->accumulate[worker] += hyi_seconds() - start;
 }
 
@@ -317,7 +319,8 @@ HYI_FN hydra_result hyi_render_run(hydra_render *r, double start) {
             r->done = true;
             return HYDRA_OK;
         }
-        hyi_parallel(r->context, r->workers, hyi_work, r);
+        if (r->context->backend) HYI_TRY(r->context->backend->work(r));
+        else hyi_parallel(r->context, r->workers, hyi_work, r);
         if (hyi_atomic_load(&r->cancel)) {
             hyi_atomic_store(&r->cancel, 0);
             return HYDRA_CANCELLED;

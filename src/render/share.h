@@ -176,7 +176,7 @@ HYI_FN uint64_t hyi_fingerprint(const hydra_render *r) {
                           r->film.planes_wanted, r->film.ids_wanted ? 1u : 0u };
     hash = hyi_mix(hash, words, sizeof words);
     hash = hyi_mix(hash, &d->target_error, sizeof d->target_error);
-    hash = hyi_mix(hash, &r->picture.camera, sizeof r->picture.camera);
+    hash = hyi_mix(hash, &r->picture.kernel.camera, sizeof r->picture.kernel.camera);
     hash = hyi_mix(hash, r->sensor.positions, r->sensor.positions ? 3 * r->sensor.count * sizeof(float) : 0);
     hash = hyi_mix(hash, r->sensor.normals, r->sensor.normals ? 3 * r->sensor.count * sizeof(float) : 0);
     return hyi_mix(hash, r->sensor.rays, r->sensor.rays ? r->sensor.count * sizeof(hydra_ray) : 0);

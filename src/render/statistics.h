@@ -256,7 +256,7 @@ HYDRA_API hydra_status hydra_render_status(hydra_render *render) {
     }
     hyi_sum_counters(render, &status);
     status.bytes_film = hyi_film_bytes(&render->film) + hyi_schedule_bytes(&render->film, render->desc.target_error > 0.0f);
-    status.bytes_lanes = render->workers * hyi_worker_bytes(&render->scene->accel, &render->film);
+    status.bytes_lanes = render->workers * hyi_worker_bytes(render->scene, &render->film);
     return status;
 }
 

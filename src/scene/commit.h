@@ -344,6 +344,7 @@ HYDRA_API hydra_result hydra_scene_commit(hydra_scene *scene) {
     if (scene->renders_living) return hyi_fail(scene->context, HYDRA_ERROR_BUSY, "hydra_scene_commit: %u renders of the scene are alive", scene->renders_living);
     HYI_TRY(hyi_report_pending(scene));
     HYI_TRY(hyi_commit_parts(scene));
+    if (scene->context->backend) HYI_TRY(scene->context->backend->commit(scene, scene->dirty));
     scene->dirty = 0;
     hyi_free_loaded(scene);
     return HYDRA_OK;

@@ -137,8 +137,25 @@ HYI_FN bool hyi_query_any(hyi_query *query, const hydra_ray *rays, uint8_t *occl
     return sound;
 }
 
+/* The same on a backend, whose hits wait in memory until they are told. */
+HYI_FN hydra_result hyi_query_device(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
+    size_t batch = count < HYI_STREAM_SORTED ? count : HYI_STREAM_SORTED;
+    hydra_result result = HYDRA_OK;
+    hyk_hit *found = NULL;
+    if (hits) HYI_TRY(hyi_try_alloc(scene->context, batch * sizeof *found, (void **)&found));
+    for (size_t first = 0; first < count && (result == HYDRA_OK || result == HYDRA_ERROR_RAY); first += batch) {
+        uint32_t n = count - first < batch ? (uint32_t)(count - first) : (uint32_t)batch;
+        hydra_result part = scene->context->backend->trace(scene, rays + first, found, hits ? NULL : occluded + first, n);
+        if (part != HYDRA_OK) result = part;
+        if (hits && (part == HYDRA_OK || part == HYDRA_ERROR_RAY)) hyi_tell_hits(scene, found, rays + first, hits + first, n);
+    }
+    hyi_free_bytes(scene->context, found, batch * sizeof *found);
+    return result;
+}
+
 /* hits, or else occluded. */
 HYI_FN hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
+    if (scene->context->backend) return count ? hyi_query_device(scene, rays, hits, occluded, count) : HYDRA_OK;
     hyi_query query = hyi_query_begin(scene, count, hits == NULL);
     bool sound = true;
     for (size_t first = 0; first < count; first += query.batch) {

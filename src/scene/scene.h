@@ -66,6 +66,7 @@ typedef struct hyi_light_slot {
 
 struct hydra_scene {
     hydra_context *context;
+    void *device; /* the backend's */
     uint32_t renders_living;
     hydra_result pending; /* of the first add that failed since the last commit */
     char pending_text[sizeof ((hydra_context *)0)->error];
@@ -232,6 +233,7 @@ HYDRA_API hydra_result hydra_scene_destroy(hydra_scene *scene) {
     if (!scene) return HYDRA_OK;
     hydra_context *context = scene->context;
     if (scene->renders_living) return hyi_fail(context, HYDRA_ERROR_BUSY, "%u renders of the scene are alive", scene->renders_living);
+    if (context->backend) context->backend->forget_scene(scene);
     hyi_free_lights(scene);
     hyi_free_placement(scene);
     hyi_free_world(scene);

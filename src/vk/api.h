@@ -1,0 +1,163 @@
+/*
+hydra_vk.h - v0.1 - hydra.h on Vulkan devices: the same kernels, the same API
+
+  Where the implementation of hydra.h is, include this after it:
+
+      #define HYDRA_IMPLEMENTATION
+      #include "hydra.h"
+      #define HYDRA_VK_IMPLEMENTATION
+      #include "hydra_vk.h"
+
+  and create the context with hydra_vk_create instead of hydra_create:
+
+      hydra_context *context;
+      if (hydra_vk_create(NULL, NULL, &context) != HYDRA_OK) return;
+
+  All else is hydra.h: scenes, renders, ray queries, hydra_destroy.
+
+WHAT IT DOES
+  Paths are traced and rays are cast on the device, by compute shaders whose SPIR-V is in this file. Any
+  Vulkan 1.2 device will do that has what REQUIREMENTS lists; no ray tracing extension is used, no shader
+  compiler, and nothing is linked: the loader is opened at run time. Mesa's lavapipe, which is a processor, will do.
+  Scenes are committed on the processor, and the film is kept there: every sample's result comes back and is added up
+  exactly, so films can be saved, merged and resumed as ever, and adaptive tiles, budgets and error bars are the same.
+
+WHAT IT DOES NOT
+  It draws nothing on a screen, and uses no hardware ray tracing units. A picture is made by one device.
+
+REQUIREMENTS (checked by hydra_vk_create, which names what is missing)
+  Vulkan 1.2; a queue with compute; shaderFloat64; subgroup ballot in compute shaders; 31 storage buffers a stage and 64
+  bytes of push constants. No buffer of a scene may be larger than maxStorageBufferRange (lavapipe: 128 MiB): a
+  triangle takes 48 bytes in the largest one, times what spatial splits add, so some 2 million triangles there.
+
+EQUALITY
+  Hits are decided in double precision on a device as on the processor: t, u, v and ids are equal to the bit on devices
+  whose double division rounds correctly, which all that were tried do. Shading is in float: sines, powers and the order
+  of sums differ in the last bits, so pictures of one seed differ by little at first and, where a last bit decides a
+  path's turn, by a sample. Means agree within their error bars; tests hold both to that. A device gives the same bits
+  every time, and with any number of threads, tiles, steps and shares, as long as neither device nor driver change.
+
+THREADS
+  As in hydra.h. One context uses one queue; where several threads cast rays they take turns. Contexts are independent,
+  also of one device.
+
+REFERENCES are named where the method stands in the implementation.
+*/
+#ifndef HYDRA_VK_H
+#define HYDRA_VK_H
+
+#include "hydra.h"
+
+#ifndef VULKAN_CORE_H_
+#include <vulkan/vulkan_core.h> /* types alone: no function of Vulkan is linked. volk.h or vulkan.h before this do as well */
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---------------------------------------------------------------- devices */
+
+typedef enum hydra_vk_device_type {
+    HYDRA_VK_DEVICE_ANY, /* the best there is: discrete, integrated, virtual, then processor */
+    HYDRA_VK_DEVICE_DISCRETE,
+    HYDRA_VK_DEVICE_INTEGRATED,
+    HYDRA_VK_DEVICE_VIRTUAL,
+    HYDRA_VK_DEVICE_CPU
+} hydra_vk_device_type;
+
+typedef struct hydra_vk_device_info {
+    char name[VK_MAX_PHYSICAL_DEVICE_NAME_SIZE];
+    hydra_vk_device_type type;
+    uint32_t api_version, driver_version; /* as Vulkan packs them */
+    uint64_t memory;       /* bytes of the largest heap on the device */
+    uint64_t binding_most; /* maxStorageBufferRange */
+    char lacks[128];       /* what it has not that hydra needs; "": nothing */
+} hydra_vk_device_info;
+
+typedef struct hydra_vk_desc {
+    /* Which device: all three must fit where they are given. */
+    uint32_t device_number;           /* from 1, in the order of hydra_vk_list_devices; 0: any */
+    const char *device_name;          /* part of its name, letter by letter */
+    hydra_vk_device_type device_type;
+
+    /* Your own Vulkan. vkGetInstanceProcAddr of your loader (with volk: your global); default: the system's loader is
+       opened. With an instance it must be that instance's. */
+    PFN_vkGetInstanceProcAddr get_instance_proc_addr;
+    VkInstance instance;              /* of Vulkan 1.2 at least */
+    /* All or none: a device with shaderFloat64 enabled, and a queue of a family with compute. They stay yours and must
+       outlive the context. physical_device alone picks the device that the library makes. */
+    VkPhysicalDevice physical_device;
+    VkDevice device;
+    VkQueue queue;
+    uint32_t queue_family;
+    /* Called around every use of the queue, for queues that your threads use too. */
+    void (*lock_queue)(void *user);
+    void (*unlock_queue)(void *user);
+    void *lock_user;
+    const VkAllocationCallbacks *allocation; /* must outlive the context; default: the driver's */
+
+    bool validation;                  /* turns on VK_LAYER_KHRONOS_validation with synchronization validation in an
+                                         instance the library makes; messages go to hydra_context_desc.log */
+    double slice_seconds;             /* no submission shall take longer; default 0.03. One workgroup's share of a tile
+                                         is the least there can be */
+    size_t memory_cap;                /* bytes of device memory; default: none */
+    /* What hydra_vk_save_pipelines gave, on whatever device: it is used where it fits. Read during the call. */
+    const void *pipeline_cache;
+    size_t pipeline_cache_size;
+
+    char *error;                      /* gets the message when creation fails, cut to error_size bytes with its zero */
+    size_t error_size;
+} hydra_vk_desc;
+
+/* Fills infos with at most *count devices and sets *count to how many there are; infos NULL: only that. Of desc, the
+   loader and the instance are used; NULL: defaults. No device is HYDRA_OK and 0; no loader, HYDRA_ERROR_DEVICE. */
+HYDRA_API hydra_result hydra_vk_list_devices(const hydra_vk_desc *desc, hydra_vk_device_info *infos, uint32_t *count);
+
+/* A context that renders on a device. Both descs may be NULL. *context is NULL on failure:
+   HYDRA_ERROR_DEVICE            no loader, no device that was asked for, or it lacks something (named)
+   HYDRA_ERROR_OUT_OF_MEMORY, _MEMORY_CAP, _THREADS, _ISA    as hydra_create
+   HYDRA_ERROR_DEVICE_MEMORY     the device has none
+   The context's threads add up samples and build trees; pipelines are made when a render first needs them. */
+HYDRA_API hydra_result hydra_vk_create(const hydra_context_desc *desc, const hydra_vk_desc *vk, hydra_context **context);
+
+/* ---------------------------------------------------------------- what a device context adds
+
+   Errors that calls of hydra.h may give with such a context:
+   HYDRA_ERROR_DEVICE_LIMIT   a scene's or render's buffer is larger than the device can bind; the message has both numbers
+   HYDRA_ERROR_DEVICE_MEMORY  the device's memory, or hydra_vk_desc.memory_cap, is used up
+   HYDRA_ERROR_DEVICE_LOST    the driver gave the device up. The context, and every call that needs the device, will go on
+                              saying so; what was rendered can still be read and saved, scenes are intact. Destroy it and
+                              make another
+   After the first two the context is as usable as before. */
+
+typedef struct hydra_vk_info {
+    char name[VK_MAX_PHYSICAL_DEVICE_NAME_SIZE];
+    hydra_vk_device_type type;
+    uint64_t bytes_now, bytes_peak;  /* device memory */
+    uint32_t pipelines;              /* made so far: kernels times sets of requirements */
+    double seconds_start;            /* loader, instance and device */
+    double seconds_pipelines;        /* making them; a driver may put part of it off to their first use */
+    uint64_t submissions;
+    double slice_mean, slice_longest; /* seconds that submissions took */
+    uint32_t validation_messages;
+    bool lost;
+} hydra_vk_info;
+
+/* HYDRA_ERROR_HANDLE: not a device context. */
+HYDRA_API hydra_result hydra_vk_get_info(const hydra_context *context, hydra_vk_info *info);
+
+/* The pipelines made so far, for hydra_vk_desc.pipeline_cache of a later run: *size bytes; buffer NULL tells the size
+   (HYDRA_ERROR_BUFFER: *size was too small). */
+HYDRA_API hydra_result hydra_vk_save_pipelines(const hydra_context *context, void *buffer, size_t *size);
+
+/* As hydra_render_read, into a buffer of the caller's device: the pixels are copied by the device, and the call returns
+   when they are there. offset and row_stride are multiples of 4 (row_stride 0: tight); usage TRANSFER_DST. The caller
+   synchronises his own uses of the buffer before and after. */
+HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output output, VkBuffer buffer, VkDeviceSize offset, size_t row_stride);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif /* HYDRA_VK_H */
