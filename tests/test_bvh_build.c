@@ -2,26 +2,9 @@
 #define HYDRA_STATIC
 #define HYDRA_IMPLEMENTATION
 #include "hydra.h"
-#include "hydra_test.h"
+#include "bvh_helpers.h"
 
-/* ---- a context made by hand: no thread of its own, and loops in an order we choose */
-
-typedef struct bb_host {
-    hydra_context context;
-    ht_memory memory;
-} bb_host;
-
-static void bb_open(bb_host *host) {
-    memset(host, 0, sizeof *host);
-    host->context.desc.allocator = ht_memory_allocator(&host->memory);
-    host->context.threads = 1;
-}
-
-static void bb_close(bb_host *host) {
-    assert_int_equal(host->memory.blocks_now, 0);
-    assert_int_equal(host->memory.damaged, 0);
-    assert_int_equal(hyi_atomic_load(&host->context.bytes_now), 0);
-}
+/* ---- loops in an order we choose */
 
 static void bb_backwards(void *user, uint32_t count, void (*task)(void *, uint32_t), void *argument) {
     (void)user;
@@ -34,23 +17,13 @@ static void bb_even_then_odd(void *user, uint32_t count, void (*task)(void *, ui
     for (uint32_t i = 1; i < count; i += 2) task(argument, i);
 }
 
-static hyi_bvh bb_build(bb_host *host, const ht_mesh *mesh, hydra_build quality) {
+static hyi_bvh bb_build(tb_host *host, const ht_mesh *mesh, hydra_build quality) {
     hyi_bvh bvh;
     assert_int_equal(hyi_bvh_build_triangles(&host->context, mesh->positions, mesh->indices, mesh->index_count / 3, quality, &bvh), HYDRA_OK);
     return bvh;
 }
 
 /* ---- meshes that are hard on builders */
-
-/* Slats right across the scene, all overlapping: what spatial splits are for. */
-static ht_mesh bb_slats(ht_rng *rng, uint32_t count) {
-    ht_mesh mesh = ht_soup(rng, count, 1.0f, 0.01f);
-    for (uint32_t t = 0; t < count; t++) {
-        float *p = mesh.positions + 3 * mesh.indices[3 * t + 2];
-        for (int a = 0; a < 3; a++) p[a] = ht_range(rng, -1, 1);
-    }
-    return mesh;
-}
 
 /* Sizes from 1 down to 1e-30 in one mesh: the worst for the depth. */
 static ht_mesh bb_sizes(ht_rng *rng, uint32_t count) {
@@ -81,13 +54,13 @@ static ht_mesh bb_mesh(int k, ht_rng *rng) {
     case 1: return ht_icosphere(1, 4);
     case 2: return ht_quad(centre, u, v, 60);
     case 3: return bb_sizes(rng, 20000);
-    case 4: return bb_slats(rng, 12000);
+    case 4: return tb_needles(rng, 12000, 0.01f);
     case 5: return bb_on_grid(rng, 5000);
     case 6: return bb_equal(rng, 3000);
     case 7: return ht_soup(rng, 1, 1, 0.5f);
     default: break;
     }
-    mesh = bb_slats(rng, 3000);
+    mesh = tb_needles(rng, 3000, 0.01f);
     for (uint32_t i = 0; i < 3 * mesh.vertex_count; i++) mesh.positions[i] = mesh.positions[i] * 1e30f;
     return mesh;
 }
@@ -204,11 +177,11 @@ static void trees_hold_every_point_of_every_triangle(void **state) {
     (void)state;
     ht_rng rng = ht_rng_make(91);
     for (int m = 0; m < 2 * BB_MESHES; m++) {
-        bb_host host;
+        tb_host host;
         bool best = m % 2 != 0;
         ht_mesh mesh = bb_mesh(m / 2, &rng);
         uint32_t triangles = mesh.index_count / 3, total = 0;
-        bb_open(&host);
+        tb_open(&host);
         hyi_bvh bvh = bb_build(&host, &mesh, best ? HYDRA_BUILD_BEST : HYDRA_BUILD_FAST);
         bb_check k = {&bvh, &mesh, (uint8_t *)calloc(triangles, 1), best};
         assert_int_equal(bb_check_below(&k, bvh.root, &bvh.scaled), bvh.depth);
@@ -220,7 +193,7 @@ static void trees_hold_every_point_of_every_triangle(void **state) {
         bb_check_points(&k, &rng, ht_pick(20000, 4000));
         free(k.seen);
         hyi_bvh_free(&host.context, &bvh);
-        bb_close(&host);
+        tb_close(&host);
         ht_mesh_free(&mesh);
     }
 }
@@ -229,13 +202,13 @@ static void trees_hold_every_point_of_every_triangle(void **state) {
 static void spatial_splits_are_made_where_boxes_overlap(void **state) {
     (void)state;
     ht_rng rng = ht_rng_make(93);
-    bb_host host;
-    ht_mesh mesh = bb_slats(&rng, 12000);
-    bb_open(&host);
+    tb_host host;
+    ht_mesh mesh = tb_needles(&rng, 12000, 0.01f);
+    tb_open(&host);
     hyi_bvh bvh = bb_build(&host, &mesh, HYDRA_BUILD_BEST);
     assert_true(bvh.slot_count > bvh.primitive_count + bvh.primitive_count / 20u);
     hyi_bvh_free(&host.context, &bvh);
-    bb_close(&host);
+    tb_close(&host);
     ht_mesh_free(&mesh);
 }
 
@@ -244,13 +217,13 @@ static void both_qualities_find_the_same(void **state) {
     (void)state;
     ht_rng rng = ht_rng_make(94);
     for (int m = 4; m < 6; m++) {
-        bb_host host;
+        tb_host host;
         ht_mesh mesh = bb_mesh(m, &rng);
         hyk_instance instance;
         hyk_scene_view view;
         hyi_accel accel;
         uint32_t found = 0;
-        bb_open(&host);
+        tb_open(&host);
         hyi_bvh trees[2];
         for (int q = 0; q < 2; q++) trees[q] = bb_build(&host, &mesh, q ? HYDRA_BUILD_BEST : HYDRA_BUILD_FAST);
         memset(&instance, 0, sizeof instance);
@@ -279,7 +252,7 @@ static void both_qualities_find_the_same(void **state) {
         }
         assert_true(found > 500);
         for (int q = 0; q < 2; q++) hyi_bvh_free(&host.context, &trees[q]);
-        bb_close(&host);
+        tb_close(&host);
         ht_mesh_free(&mesh);
     }
 }
@@ -299,14 +272,14 @@ static void any_order_of_work_builds_the_same(void **state) {
     static const uint32_t threads[5] = {1, 1, 2, 3, 7};
     ht_rng rng = ht_rng_make(95);
     for (int m = 0; m < 4; m++) {
-        bb_host plain;
-        ht_mesh mesh = m < 2 ? ht_soup(&rng, 100000, 1, 0.02f) : bb_slats(&rng, 30000);
+        tb_host plain;
+        ht_mesh mesh = m < 2 ? ht_soup(&rng, 100000, 1, 0.02f) : tb_needles(&rng, 30000, 0.01f);
         hydra_build quality = m % 2 ? HYDRA_BUILD_BEST : HYDRA_BUILD_FAST;
-        bb_open(&plain);
+        tb_open(&plain);
         hyi_bvh first = bb_build(&plain, &mesh, quality);
         for (int k = 0; k < 5; k++) {
-            bb_host host;
-            bb_open(&host);
+            tb_host host;
+            tb_open(&host);
             if (k < 2) host.context.desc.parallel_for = k ? bb_backwards : bb_even_then_odd;
 #if !defined(HYDRA_NO_THREADS)
             host.context.threads = threads[k];
@@ -318,10 +291,10 @@ static void any_order_of_work_builds_the_same(void **state) {
 #if !defined(HYDRA_NO_THREADS)
             if (k >= 2) hyi_pool_destroy(&host.context);
 #endif
-            bb_close(&host);
+            tb_close(&host);
         }
         hyi_bvh_free(&plain.context, &first);
-        bb_close(&plain);
+        tb_close(&plain);
         ht_mesh_free(&mesh);
     }
 }
@@ -329,20 +302,20 @@ static void any_order_of_work_builds_the_same(void **state) {
 static void failing_memory_leaks_nothing(void **state) {
     (void)state;
     ht_rng rng = ht_rng_make(97);
-    ht_mesh mesh = bb_slats(&rng, 20000);
+    ht_mesh mesh = tb_needles(&rng, 20000, 0.01f);
     for (int q = 0; q < 2; q++) {
         int64_t n = 1;
         for (;; n++) {
-            bb_host host;
+            tb_host host;
             hyi_bvh bvh;
-            bb_open(&host);
+            tb_open(&host);
             host.memory.fail_at = n;
             hydra_result result = hyi_bvh_build_triangles(&host.context, mesh.positions, mesh.indices, mesh.index_count / 3,
                                                           q ? HYDRA_BUILD_BEST : HYDRA_BUILD_FAST, &bvh);
             if (result == HYDRA_OK) hyi_bvh_free(&host.context, &bvh);
             else assert_int_equal(result, HYDRA_ERROR_OUT_OF_MEMORY);
             assert_true(bvh.nodes == NULL && bvh.primitive_count == 0);
-            bb_close(&host);
+            tb_close(&host);
             if (result == HYDRA_OK) break;
         }
         assert_true(n > 6 && n < 100);

@@ -7,6 +7,8 @@
 #include "progress.h"
 #include "report.h"
 
+#include "hydra_vk.h"
+
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -50,10 +52,20 @@ static int open_context(session *s) {
     memset(&desc, 0, sizeof desc);
     desc.log = on_log;
     desc.threads = s->options.threads;
-    s->context = hydra_create(&desc);
+    char why[256] = "";
+    if (s->options.vulkan != NULL) {
+        hydra_vk_desc device;
+        memset(&device, 0, sizeof device);
+        device.device_name = s->options.vulkan;
+        device.error = why;
+        device.error_size = sizeof why;
+        hydra_vk_create(&desc, &device, &s->context);
+    } else {
+        s->context = hydra_create(&desc);
+    }
     s->scene = s->context != NULL ? hydra_scene_create(s->context) : NULL;
     if (s->scene != NULL) return APP_DONE;
-    app_error("hydra cannot start: %s", hydra_error_text(s->context));
+    app_error("hydra cannot start: %s", why[0] != '\0' ? why : hydra_error_text(s->context));
     return APP_DEVICE;
 }
 

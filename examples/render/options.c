@@ -175,6 +175,12 @@ static bool read_tonemap(render_options *r, const char *name, const char *text) 
     return true;
 }
 
+static bool read_vulkan(render_options *r, const char *name, const char *text) {
+    (void)name;
+    r->vulkan = strcmp(text, "any") == 0 ? "" : text;
+    return true;
+}
+
 static bool read_stats(render_options *r, const char *name, const char *text) {
     (void)name, (void)text;
     return r->stats = true;
@@ -202,6 +208,7 @@ static const flag flags[] = {
     {"--tonemap", "CURVE", "PNG only: none (default), reinhard, aces", read_tonemap},
     {"--depth", "N", "longest path, in scattering events (default: no limit)", read_depth},
     {"--strategy", "NAME", "mis (default), lights, bsdf", read_strategy},
+    {"--vulkan", "DEVICE", "renders on a Vulkan device: part of its name, or any", read_vulkan},
     {"--threads", "N", "default: one for each processor", read_threads},
     {"--seed", "N", "default 0", read_seed},
     {"--stats", NULL, "prints what it cost", read_stats},

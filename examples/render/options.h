@@ -24,6 +24,7 @@ typedef struct render_options {
     float sun[5];     /* towards the sun; irradiance; angular diameter in degrees */
     uint32_t outputs; /* bits of hydra_output beside those that are always there */
     image_tone tone;
+    const char *vulkan; /* part of the name of a Vulkan device, "" for the best; NULL: the processor */
     bool stats;
 } render_options;
 

@@ -1,6 +1,8 @@
 /* report.c: see report.h */
 #include "report.h"
 
+#include "hydra_vk.h"
+
 #include <stdio.h>
 #include <sys/resource.h>
 
@@ -30,6 +32,14 @@ static void print_rays(const hydra_status *status) {
            status->seconds_generate, status->seconds_intersect, status->seconds_shade, status->seconds_shadow, status->seconds_accumulate);
 }
 
+static void print_device(hydra_context *context) {
+    hydra_vk_info info;
+    if (hydra_vk_get_info(context, &info) != HYDRA_OK) return;
+    printf("device         %12.1f   MiB at most on %s\n", mebibytes((double)info.bytes_peak), info.name);
+    printf("pipelines      %12u   made in %.2f s; start %.2f s; %llu submissions of %.1f ms, longest %.1f\n", info.pipelines, info.seconds_pipelines,
+           info.seconds_start, (unsigned long long)info.submissions, 1e3 * info.slice_mean, 1e3 * info.slice_longest);
+}
+
 static void print_memory(hydra_context *context, const hydra_status *status) {
     hydra_memory_status memory = hydra_memory(context);
     struct rusage usage;
@@ -54,4 +64,5 @@ void report_print(const report *times, const imported *scene_file, hydra_context
     printf("relative error %12.4f   95 %% interval %.4f to %.4f; %llu heavy-tailed pixels, %llu samples dropped\n", status->error,
            status->error_low, status->error_high, (unsigned long long)status->heavy_pixels, (unsigned long long)status->dropped_samples);
     print_memory(context, status);
+    print_device(context);
 }
