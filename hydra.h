@@ -1903,7 +1903,9 @@ HYK_SIZE_IS(hyk_light_node, 64)
 #define HYK_BINDING_NODES 18
 #define HYK_BINDING_SLOTS 19
 #define HYK_BINDING_WORLD_FIRST 20
-#define HYK_SCENE_BINDINGS 21
+#define HYK_SCENE_BINDINGS 21 /* storage buffers; behind them two of these as texel buffers */
+#define HYK_BINDING_NODE_TEXELS 21
+#define HYK_BINDING_SLOT_TEXELS 22
 
 #ifdef HYK_GLSL
 

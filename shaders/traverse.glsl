@@ -6,15 +6,14 @@
 #include "shape.h"
 
 layout(std430, set = 0, binding = HYK_BINDING_TREES) readonly buffer hyk_trees_buffer { hyk_tree hyk_trees[]; };
-layout(std430, set = 0, binding = HYK_BINDING_NODES) readonly buffer hyk_nodes_buffer { uvec4 hyk_nodes[]; };
-layout(std430, set = 0, binding = HYK_BINDING_SLOTS) readonly buffer hyk_slots_buffer { hyk_slot hyk_slots[]; };
 layout(std430, set = 0, binding = HYK_BINDING_WORLD_FIRST) readonly buffer hyk_world_buffer { uint hyk_world_first[]; };
 
 /* At least the levels of the deepest tree over triangles or shapes, and of the one over instances. */
 layout(constant_id = 1) const uint hyk_depth = 64u;
 layout(constant_id = 2) const uint hyk_top_depth = 64u;
 
-/* Kernels define hyk_any: whether a ray is done at its first hit. */
+/* Kernels define hyk_any: whether a ray is done at its first hit; and how words of nodes and slots are fetched:
+   hyk_node_words(i), the i-th four words of all nodes, and hyk_slot_at(i). */
 #define HYK_NO_HIT 3.402823466e+38
 #define HYK_ULP 1.1920928955078125e-07
 
@@ -134,19 +133,18 @@ uint hyk_children_met(hyk_aim aim, vec3 stride, vec3 near_start, vec3 far_start,
     return (met.x ? 1u : 0u) | (met.y ? 2u : 0u) | (met.z ? 4u : 0u) | (met.w ? 8u : 0u);
 }
 
-/* The children of a node that the ray meets, in its order; index: of the node's first vector of words. */
+/* The children of a node that the ray meets, in its order; index: of the node's first four words. */
 uint hyk_meet_node(hyk_aim aim, uint index) {
-    uvec4 head = hyk_nodes[index];
-    uint occupied = hyk_nodes[index + 2u].z;
-    uvec4 x = hyk_near_then_far(hyk_nodes[index + 3u], aim.inverse.x);
-    uvec4 y = hyk_near_then_far(hyk_nodes[index + 4u], aim.inverse.y);
-    uvec4 z = hyk_near_then_far(hyk_nodes[index + 5u], aim.inverse.z);
+    uvec4 head = hyk_node_words(index);
+    uvec4 x = hyk_near_then_far(hyk_node_words(index + 3u), aim.inverse.x);
+    uvec4 y = hyk_near_then_far(hyk_node_words(index + 4u), aim.inverse.y);
+    uvec4 z = hyk_near_then_far(hyk_node_words(index + 5u), aim.inverse.z);
     vec3 step = uintBitsToFloat(uvec3(head.w & 255u, head.w >> 8 & 255u, head.w >> 16 & 255u) << 23);
     vec3 stride = step * aim.inverse, start = uintBitsToFloat(head.xyz) * aim.inverse;
     vec3 near_start = start + aim.near_offset, far_start = start + aim.far_offset;
     uint places = hyk_children_met(aim, stride, near_start, far_start, uvec3(x.x, y.x, z.x), uvec3(x.z, y.z, z.z)) |
                   hyk_children_met(aim, stride, near_start, far_start, uvec3(x.y, y.y, z.y), uvec3(x.w, y.w, z.w)) << 4;
-    return hyk_in_order(places & occupied, aim.octant);
+    return hyk_in_order(places & head.w >> 24, aim.octant);
 }
 
 /* ---- a triangle: hyi_confirm */
@@ -262,41 +260,67 @@ bool hyk_meet_shape(hyk_quest quest, inout hyk_aim aim, inout hyk_best best, uin
 #define HYK_WAITING 24u
 #define HYK_WAITS(group) ((group) > HYK_NODES_MOST)
 
-/* Takes the first waiting child of group: a node, then it is in child; or a leaf, then its slots are. */
+/* Takes the first waiting child of group: a node, then it is in child; or a leaf, then its slots are. The highest of
+   bits 24 to 31 is found by way of a float: not all that run this count leading zeros. */
 bool hyk_take_child(inout uint group, uint first_node, uint octant, out uint child, out uint first_slot, out uint slots) {
-    uint bit = uint(findMSB(group));
-    group &= ~(1u << bit);
-    uint place = (bit - HYK_WAITING) ^ octant, index = 6u * (first_node + (group & HYK_NODES_MOST));
-    uint inner = hyk_nodes[index].w >> 24;
-    uvec4 links = hyk_nodes[index + 1u];
-    child = links.x + uint(bitCount(inner & ((1u << place) - 1u)));
-    first_slot = 0u;
-    slots = 0u;
-    if ((inner >> place & 1u) != 0u) return true;
-    uint pair = place < 2u ? links.z : place < 4u ? links.w : place < 6u ? hyk_nodes[index + 2u].x : hyk_nodes[index + 2u].y;
-    uint leaf = (place & 1u) != 0u ? pair >> 16 : pair & 0xffffu;
-    first_slot = links.y + (leaf & 255u);
-    slots = leaf >> 8;
-    return false;
+    uint bit = (floatBitsToUint(float(group >> HYK_WAITING)) >> 23) - 127u, place = bit ^ octant;
+    group ^= 1u << HYK_WAITING << bit;
+    uvec4 links = hyk_node_words(6u * (first_node + (group & HYK_NODES_MOST)) + 1u + (place >> 2));
+    uint field = ((place & 2u) != 0u ? links.w : links.z) >> ((place & 1u) << 4);
+    child = links.x + (field & 255u);
+    first_slot = links.y + (field & 255u);
+    slots = field >> 8 & 255u;
+    return slots == 0u;
 }
 
-/* Whether a quest for anything is done. */
-bool hyk_walk(hyk_quest quest, hyk_tree tree, inout hyk_aim aim, inout hyk_best best) {
-    uint stack[hyk_depth], depth = 0u;
-    uint group = hyk_meet_node(aim, 6u * tree.first_node) << HYK_WAITING;
-    for (;;) {
+/* Words that wait, the latest first: eight of them in registers, far quicker to reach than an invocation's own memory. */
+struct hyk_stack { uvec4 first, second; uint count; };
+uint hyk_rest[hyk_depth]; /* not in the struct: glslang would copy it with every call */
+
+void hyk_put_aside(inout hyk_stack stack, uint group) {
+    if (stack.count >= 8u) hyk_rest[stack.count - 8u] = stack.second.w;
+    stack.second = uvec4(stack.first.w, stack.second.xyz);
+    stack.first = uvec4(group, stack.first.xyz);
+    stack.count++;
+}
+
+uint hyk_take_up(inout hyk_stack stack) {
+    uint group = stack.first.x;
+    stack.first = uvec4(stack.first.yzw, stack.second.x);
+    stack.second.xyz = stack.second.yzw;
+    if (stack.count > 8u) stack.second.w = hyk_rest[stack.count - 9u];
+    stack.count--;
+    return group;
+}
+
+/* Goes on until a leaf is met; false: there is none left. */
+bool hyk_find_leaf(hyk_aim aim, uint first_node, inout hyk_stack stack, inout uint group, out uint first_slot, out uint slots) {
+    first_slot = 0u;
+    slots = 0u;
+    while (slots == 0u) {
+        uint child;
         if (!HYK_WAITS(group)) {
-            if (depth == 0u) return false;
-            group = stack[--depth];
+            if (stack.count == 0u) return false;
+            group = hyk_take_up(stack);
         }
-        uint child, first_slot, slots;
-        if (hyk_take_child(group, tree.first_node, aim.octant, child, first_slot, slots)) {
-            if (HYK_WAITS(group)) stack[depth++] = group;
-            group = child | hyk_meet_node(aim, 6u * (tree.first_node + child)) << HYK_WAITING;
+        if (hyk_take_child(group, first_node, aim.octant, child, first_slot, slots)) {
+            if (HYK_WAITS(group)) hyk_put_aside(stack, group);
+            group = child | hyk_meet_node(aim, 6u * (first_node + child)) << HYK_WAITING;
         }
+    }
+    return true;
+}
+
+/* Nodes until a leaf, then the leaf: so that the lanes of a subgroup do the same at the same time (Aila & Laine 2009,
+   "Understanding the efficiency of ray traversal on GPUs", while-while). Returns whether a quest for anything is done. */
+bool hyk_walk(hyk_quest quest, hyk_tree tree, inout hyk_aim aim, inout hyk_best best) {
+    hyk_stack stack;
+    stack.count = 0u;
+    uint group = hyk_meet_node(aim, 6u * tree.first_node) << HYK_WAITING, first_slot, slots;
+    while (hyk_find_leaf(aim, tree.first_node, stack, group, first_slot, slots)) {
         for (uint i = 0u; i < slots; i++) {
-            uint slot = tree.first_slot + first_slot + i;
-            bool done = quest.boxes ? hyk_meet_shape(quest, aim, best, hyk_slots[slot].item) : hyk_meet_triangle(quest, aim, best, hyk_slots[slot]);
+            hyk_slot slot = hyk_slot_at(tree.first_slot + first_slot + i);
+            bool done = quest.boxes ? hyk_meet_shape(quest, aim, best, slot.item) : hyk_meet_triangle(quest, aim, best, slot);
             if (done) return true;
         }
     }
@@ -347,7 +371,7 @@ bool hyk_walk_top(hyk_quest quest, inout hyk_best best) {
             group = child | hyk_meet_node(aim, 6u * (top.first_node + child)) << HYK_WAITING;
         }
         for (uint i = 0u; i < slots; i++) {
-            if (hyk_visit(quest, hyk_slots[top.first_slot + first_slot + i].item, best)) return true;
+            if (hyk_visit(quest, hyk_slot_at(top.first_slot + first_slot + i).item, best)) return true;
             hyk_aim_limit(aim, best.t);
         }
     }

@@ -11,12 +11,12 @@
 
 /* Words of a node. Words 12 to 23: lower x, upper x, lower y, upper y, lower z, upper z, eight bytes each. */
 #define HYK_NODE_WORDS 24u
-#define HYK_NODE_ORIGIN 0u    /* three floats */
-#define HYK_NODE_STEPS 3u     /* exponents of the grid's steps, biased as in a float, a byte an axis; top byte: which children are nodes */
-#define HYK_NODE_CHILDREN 4u  /* the first child that is a node; the others follow it in order of place */
-#define HYK_NODE_SLOTS 5u     /* the first slot of its leaves */
-#define HYK_NODE_LEAVES 6u    /* four words, 16 bits a place: count of slots << 8 | offset from the first; 0: no leaf */
-#define HYK_NODE_OCCUPIED 10u /* which places have a child */
+#define HYK_NODE_ORIGIN 0u   /* three floats */
+#define HYK_NODE_STEPS 3u    /* exponents of the grid's steps, biased as in a float, a byte an axis; top byte: which places have a child */
+/* Four words for places 0 to 3, and four for the others, so that one fetch tells of a child: the first child that is a
+   node, the first slot of the leaves, and 16 bits a place: count of slots << 8 | which of the slots, or with no slots
+   which of the nodes. */
+#define HYK_NODE_LINKS 4u
 #define HYK_NODE_PLANES 12u
 
 /* Nodes of one tree; the others of a stack's word tell which of its children wait. */

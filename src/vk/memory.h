@@ -192,7 +192,7 @@ HYI_FN void hyi_vk_free_buffer(hyi_vk *vk, hyi_vk_buffer *buffer) {
 /* buffer is all zero; so it is after a failure. what: its name in messages. */
 HYI_FN hydra_result hyi_vk_make_buffer(hyi_vk *vk, hyi_vk_buffer *buffer, hyi_vk_kind kind, VkDeviceSize size, const char *what) {
     VkBufferUsageFlags usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
-    if (kind == HYI_VK_DEVICE) usage |= VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
+    if (kind == HYI_VK_DEVICE) usage |= VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
     if (kind == HYI_VK_DEVICE && size > vk->limits.maxStorageBufferRange)
         return hyi_fail(vk->context, HYDRA_ERROR_DEVICE_LIMIT, "%s: %llu bytes, %s binds %u", what, (unsigned long long)size, vk->name, vk->limits.maxStorageBufferRange);
     hyi_vk_acquire(&vk->shared);

@@ -133,7 +133,7 @@ HYI_FN hydra_result hyi_vk_make_batch(hyi_vk_render *r, hyi_vk_batch *b) {
         HYI_TRY(hyi_vk_make_buffer(vk, &b->told_radiance, HYI_VK_READBACK, b->buffers[HYK_BINDING_RADIANCE].size, "lanes"));
     if (!b->buffers[HYK_BINDING_EXTRAS].mapped)
         HYI_TRY(hyi_vk_make_buffer(vk, &b->told_extras, HYI_VK_READBACK, b->buffers[HYK_BINDING_EXTRAS].size, "lanes"));
-    HYI_TRY(hyi_vk_make_set(vk, vk->pass_layout, HYK_PASS_BINDINGS, &b->set));
+    HYI_TRY(hyi_vk_make_set(vk, vk->pass_layout, HYK_PASS_BINDINGS, 0, &b->set));
     memcpy(bound, b->buffers, sizeof bound);
     bound[HYK_BINDING_PICTURE] = r->picture;
     bound[HYK_BINDING_SENSOR] = r->sensor;
@@ -154,9 +154,9 @@ HYI_FN hydra_result hyi_vk_choose_pipelines(hydra_render *render, hyi_vk_render 
     shape.depth = s->depth;
     shape.top_depth = s->top_depth;
     shape.mode = HYK_TRACE_PATHS;
-    HYI_TRY(hyi_vk_get_pipeline(r->vk, HYI_VK_KERNEL_trace, &shape, &r->paths));
+    HYI_TRY(hyi_vk_get_pipeline(r->vk, s->trace, &shape, &r->paths));
     shape.mode = HYK_TRACE_SHADOWS;
-    return r->has_shadows ? hyi_vk_get_pipeline(r->vk, HYI_VK_KERNEL_trace, &shape, &r->shadows) : HYDRA_OK;
+    return r->has_shadows ? hyi_vk_get_pipeline(r->vk, s->trace, &shape, &r->shadows) : HYDRA_OK;
 }
 
 HYI_FN hydra_result hyi_vk_fill_render(hydra_render *render, hyi_vk_render *r) {

@@ -26,29 +26,33 @@ struct hyi_vk_pipeline {
     VkPipeline pipeline;
 };
 
+#define HYI_VK_TEXEL_BUFFERS 2u
+#define HYI_VK_TEXEL 16u /* bytes */
+
 /* ---- layouts */
 
-HYI_FN hydra_result hyi_vk_make_set_layout(hyi_vk *vk, uint32_t count, VkDescriptorSetLayout *layout) {
+/* storage buffers, and behind them texel buffers. */
+HYI_FN hydra_result hyi_vk_make_set_layout(hyi_vk *vk, uint32_t storage, uint32_t texels, VkDescriptorSetLayout *layout) {
     VkDescriptorSetLayoutBinding bindings[HYI_VK_STORAGE_BUFFERS];
     VkDescriptorSetLayoutCreateInfo info;
     memset(bindings, 0, sizeof bindings);
     memset(&info, 0, sizeof info);
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < storage + texels; i++) {
         bindings[i].binding = i;
-        bindings[i].descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+        bindings[i].descriptorType = i < storage ? VK_DESCRIPTOR_TYPE_STORAGE_BUFFER : VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER;
         bindings[i].descriptorCount = 1;
         bindings[i].stageFlags = VK_SHADER_STAGE_COMPUTE_BIT;
     }
     info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
-    info.bindingCount = count;
+    info.bindingCount = storage + texels;
     info.pBindings = bindings;
     HYI_VK_TRY(vk, "vkCreateDescriptorSetLayout", CreateDescriptorSetLayout(vk->device, &info, vk->desc.allocation, layout));
     return HYDRA_OK;
 }
 
 HYI_FN hydra_result hyi_vk_make_layouts(hyi_vk *vk) {
-    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_SCENE_BINDINGS, &vk->scene_layout));
-    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_PASS_BINDINGS, &vk->pass_layout));
+    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_SCENE_BINDINGS, HYI_VK_TEXEL_BUFFERS, &vk->scene_layout));
+    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_PASS_BINDINGS, 0, &vk->pass_layout));
     VkDescriptorSetLayout sets[2] = { vk->scene_layout, vk->pass_layout };
     VkPushConstantRange push = { VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(hyk_dispatch) };
     VkPipelineLayoutCreateInfo info;
@@ -88,16 +92,16 @@ HYI_FN void hyi_vk_free_set(hyi_vk *vk, hyi_vk_set *set) {
     memset(set, 0, sizeof *set);
 }
 
-HYI_FN hydra_result hyi_vk_make_set(hyi_vk *vk, VkDescriptorSetLayout layout, uint32_t count, hyi_vk_set *set) {
-    VkDescriptorPoolSize size = { VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, count };
+HYI_FN hydra_result hyi_vk_make_set(hyi_vk *vk, VkDescriptorSetLayout layout, uint32_t storage, uint32_t texels, hyi_vk_set *set) {
+    VkDescriptorPoolSize sizes[2] = { { VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, storage }, { VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, texels } };
     VkDescriptorPoolCreateInfo pool;
     VkDescriptorSetAllocateInfo info;
     memset(&pool, 0, sizeof pool);
     memset(&info, 0, sizeof info);
     pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
     pool.maxSets = 1;
-    pool.poolSizeCount = 1;
-    pool.pPoolSizes = &size;
+    pool.poolSizeCount = texels ? 2 : 1;
+    pool.pPoolSizes = sizes;
     HYI_VK_TRY(vk, "vkCreateDescriptorPool", CreateDescriptorPool(vk->device, &pool, vk->desc.allocation, &set->pool));
     info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
     info.descriptorPool = set->pool;
@@ -122,6 +126,18 @@ HYI_FN void hyi_vk_write_set(hyi_vk *vk, const hyi_vk_set *set, const hyi_vk_buf
     write.descriptorCount = count; /* runs on from binding 0 through the following ones */
     write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
     write.pBufferInfo = infos;
+    vk->f.UpdateDescriptorSets(vk->device, 1, &write, 0, NULL);
+}
+
+HYI_FN void hyi_vk_write_texels(hyi_vk *vk, const hyi_vk_set *set, uint32_t binding, VkBufferView view) {
+    VkWriteDescriptorSet write;
+    memset(&write, 0, sizeof write);
+    write.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
+    write.dstSet = set->set;
+    write.dstBinding = binding;
+    write.descriptorCount = 1;
+    write.descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER;
+    write.pTexelBufferView = &view;
     vk->f.UpdateDescriptorSets(vk->device, 1, &write, 0, NULL);
 }
 

@@ -42,7 +42,7 @@ HYI_FN hydra_result hyi_vk_fill_asker(hyi_vk *vk, hyi_vk_asker *a) {
     for (uint32_t i = 0; i < HYK_PASS_BINDINGS; i++) HYI_TRY(hyi_vk_make_buffer(vk, &a->buffers[i], HYI_VK_DEVICE, hyi_vk_query_bytes(i), "rays"));
     if (!a->buffers[HYK_BINDING_SENSOR].mapped) HYI_TRY(hyi_vk_make_buffer(vk, &a->up, HYI_VK_UPLOAD, a->buffers[HYK_BINDING_SENSOR].size, "rays"));
     if (!a->buffers[HYK_BINDING_HITS].mapped) HYI_TRY(hyi_vk_make_buffer(vk, &a->down, HYI_VK_READBACK, a->buffers[HYK_BINDING_HITS].size, "hits"));
-    HYI_TRY(hyi_vk_make_set(vk, vk->pass_layout, HYK_PASS_BINDINGS, &a->set));
+    HYI_TRY(hyi_vk_make_set(vk, vk->pass_layout, HYK_PASS_BINDINGS, 0, &a->set));
     hyi_vk_write_set(vk, &a->set, a->buffers, HYK_PASS_BINDINGS);
     a->rays_now = HYI_VK_RAYS_FIRST;
     return HYDRA_OK;
@@ -129,7 +129,7 @@ HYI_FN hydra_result hyi_vk_ask_all(hyi_vk *vk, const hydra_scene *scene, const h
     shape.depth = s->depth;
     shape.top_depth = s->top_depth;
     shape.mode = hits ? HYK_TRACE_RAYS : HYK_TRACE_RAYS_ANY;
-    HYI_TRY(hyi_vk_get_pipeline(vk, HYI_VK_KERNEL_trace, &shape, &pipeline));
+    HYI_TRY(hyi_vk_get_pipeline(vk, s->trace, &shape, &pipeline));
     HYI_TRY(hyi_vk_need_asker(vk));
     for (uint32_t first = 0, n; first < count; first += n) {
         n = count - first < vk->asker->rays_now ? count - first : vk->asker->rays_now;

@@ -8,6 +8,8 @@
 typedef struct hyi_vk_scene {
     hyi_vk_buffer buffers[HYK_SCENE_BINDINGS]; /* by binding */
     hyi_vk_set set;
+    VkBufferView texels[HYI_VK_TEXEL_BUFFERS]; /* nodes and slots, where trace is trace_texels */
+    hyi_vk_kernel trace;
     uint32_t depth, top_depth; /* see traverse.glsl */
     uint32_t shapes;           /* in the trees that stand there */
     hyk_tree *trees;           /* the host's copy */
@@ -278,9 +280,39 @@ HYI_FN hydra_result hyi_vk_send_stages(hyi_vk_renewal *r, hyi_vk_commands *c) {
     return hyi_vk_wait(r->vk, c, &seconds);
 }
 
+HYI_FN void hyi_vk_free_texels(hyi_vk *vk, hyi_vk_scene *s) {
+    for (uint32_t i = 0; i < HYI_VK_TEXEL_BUFFERS; i++) {
+        if (s->texels[i]) vk->f.DestroyBufferView(vk->device, s->texels[i], vk->desc.allocation);
+        s->texels[i] = VK_NULL_HANDLE;
+    }
+}
+
+HYI_FN hydra_result hyi_vk_make_texels(hyi_vk *vk, hyi_vk_scene *s, uint32_t i, VkFormat format) {
+    VkBufferViewCreateInfo info;
+    memset(&info, 0, sizeof info);
+    info.sType = VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO;
+    info.buffer = s->buffers[HYK_BINDING_NODES + i].buffer;
+    info.format = format;
+    info.range = VK_WHOLE_SIZE;
+    HYI_VK_TRY(vk, "vkCreateBufferView", CreateBufferView(vk->device, &info, vk->desc.allocation, &s->texels[i]));
+    hyi_vk_write_texels(vk, &s->set, HYK_BINDING_NODE_TEXELS + i, s->texels[i]);
+    return HYDRA_OK;
+}
+
+/* Processors that pose as devices fetch texels faster than words (trace_texels.comp). */
+HYI_FN hydra_result hyi_vk_choose_trace(hyi_vk *vk, hyi_vk_scene *s) {
+    VkDeviceSize most = (VkDeviceSize)vk->limits.maxTexelBufferElements * HYI_VK_TEXEL;
+    bool fits = s->buffers[HYK_BINDING_NODES].size <= most && s->buffers[HYK_BINDING_SLOTS].size <= most;
+    s->trace = vk->type == HYDRA_VK_DEVICE_CPU && fits ? HYI_VK_KERNEL_trace_texels : HYI_VK_KERNEL_trace;
+    if (s->trace == HYI_VK_KERNEL_trace) return HYDRA_OK;
+    HYI_TRY(hyi_vk_make_texels(vk, s, 0, VK_FORMAT_R32G32B32A32_UINT));
+    return hyi_vk_make_texels(vk, s, 1, VK_FORMAT_R32G32B32A32_SFLOAT);
+}
+
 HYI_FN hydra_result hyi_vk_renew(hyi_vk_renewal *r) {
     hyi_vk_commands commands;
     bool staged = false;
+    hyi_vk_free_texels(r->vk, r->on_device);
     HYI_TRY(hyi_vk_make_room(r));
     HYI_TRY(hyi_vk_write_all(r));
     for (uint32_t b = 0; b < HYK_SCENE_BINDINGS; b++) staged = staged || r->stages[b].buffer;
@@ -288,9 +320,9 @@ HYI_FN hydra_result hyi_vk_renew(hyi_vk_renewal *r) {
     hydra_result result = staged ? hyi_vk_send_stages(r, &commands) : HYDRA_OK;
     hyi_vk_free_commands(r->vk, &commands);
     HYI_TRY(result);
-    if (!r->on_device->set.set) HYI_TRY(hyi_vk_make_set(r->vk, r->vk->scene_layout, HYK_SCENE_BINDINGS, &r->on_device->set));
+    if (!r->on_device->set.set) HYI_TRY(hyi_vk_make_set(r->vk, r->vk->scene_layout, HYK_SCENE_BINDINGS, HYI_VK_TEXEL_BUFFERS, &r->on_device->set));
     hyi_vk_write_set(r->vk, &r->on_device->set, r->on_device->buffers, HYK_SCENE_BINDINGS);
-    return HYDRA_OK;
+    return hyi_vk_choose_trace(r->vk, r->on_device);
 }
 
 /* ---- what the backend is asked for */
@@ -300,6 +332,7 @@ HYI_FN void hyi_vk_forget_scene(hydra_scene *scene) {
     hyi_vk_scene *s = (hyi_vk_scene *)scene->device;
     if (!s) return;
     hyi_vk_free_set(vk, &s->set);
+    hyi_vk_free_texels(vk, s);
     for (uint32_t b = 0; b < HYK_SCENE_BINDINGS; b++) hyi_vk_free_buffer(vk, &s->buffers[b]);
     hyi_free_array(vk->context, &s->trees, s->tree_count);
     hyi_free_array(vk->context, &s, 1);

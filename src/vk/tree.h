@@ -127,9 +127,13 @@ HYI_FN uint32_t hyi_vk_gather_children(const hyi_node *from, hyi_vk_child *child
     return count;
 }
 
+HYI_FN void hyi_vk_link(uint32_t *node, uint32_t place, uint32_t field) {
+    node[HYK_NODE_LINKS + place / 4 * 4 + 2 + place / 2 % 2] |= field << 16 * (place % 2);
+}
+
 HYI_FN void hyi_vk_plant_leaf(hyi_vk_planting *planting, uint32_t *node, uint32_t leaf, uint32_t place, uint32_t offset) {
     uint32_t count = hyi_leaf_count(leaf);
-    node[HYK_NODE_LEAVES + place / 2] |= (count << 8 | offset) << 16 * (place % 2);
+    hyi_vk_link(node, place, count << 8 | offset);
     for (uint32_t i = 0; i < count; i++)
         hyi_vk_write_slot(planting->bvh, leaf, i, &planting->forest->slots[planting->first_slot + planting->next_slot++]);
 }
@@ -140,13 +144,18 @@ HYI_FN uint32_t hyi_vk_plant_node(hyi_vk_planting *planting, uint32_t index, con
     hyi_vk_choose_places(children, count, place_of);
     for (uint32_t p = 0; p < HYI_WIDTH; p++) child_at[p] = HYI_CHILD_NONE;
     for (uint32_t c = 0; c < count; c++) child_at[place_of[c]] = children[c].child;
-    node[HYK_NODE_CHILDREN] = planting->next_node;
-    node[HYK_NODE_SLOTS] = planting->next_slot;
+    const uint32_t first_slot = planting->next_slot;
+    node[HYK_NODE_LINKS] = node[HYK_NODE_LINKS + 4] = planting->next_node;
+    node[HYK_NODE_LINKS + 1] = node[HYK_NODE_LINKS + 5] = first_slot;
     for (uint32_t p = 0; p < HYI_WIDTH; p++) {
         if (child_at[p] == HYI_CHILD_NONE) continue;
-        node[HYK_NODE_OCCUPIED] |= 1u << p;
-        if (hyi_child_is_leaf(child_at[p])) hyi_vk_plant_leaf(planting, node, child_at[p], p, planting->next_slot - node[HYK_NODE_SLOTS]);
-        else node[HYK_NODE_STEPS] |= 1u << (24 + p), below[inner++] = child_at[p];
+        node[HYK_NODE_STEPS] |= 1u << (24 + p);
+        if (hyi_child_is_leaf(child_at[p])) {
+            hyi_vk_plant_leaf(planting, node, child_at[p], p, planting->next_slot - first_slot);
+        } else {
+            hyi_vk_link(node, p, inner);
+            below[inner++] = child_at[p];
+        }
     }
     planting->next_node += inner;
     hyi_vk_write_planes(node, children, count, place_of);
