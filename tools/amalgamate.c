@@ -104,12 +104,14 @@ static const char *const hydra_parts[] = {
 /* That of hydra_vk.h. */
 static const char *const vk_parts[] = {
     "shaders/shared/tree.h",
+    "shaders/shared/scan.h",
     "src/vk/functions.h",
     "src/vk/device.h",
     "src/vk/memory.h",
     "src/vk/spirv.h",
     "src/vk/pipelines.h",
     "src/vk/submit.h",
+    "src/vk/primitives.h",
     "src/vk/tree.h",
     "src/vk/scene.h",
     "src/vk/passes.h",

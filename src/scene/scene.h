@@ -3,7 +3,7 @@
 #define HYI_SCENE_H
 
 #include "../../shaders/shared/views.h"
-#include "../base/threads.h"
+#include "../base/backend.h"
 #include "../bvh/save.h"
 #include "../bvh/trace.h"
 

@@ -134,6 +134,14 @@ HYI_FN hydra_result hyi_vk_take_gap(hyi_vk *vk, hyi_vk_buffer *buffer, hyi_vk_bl
     return HYDRA_OK;
 }
 
+HYI_FN void hyi_vk_drop_block_if_empty(hyi_vk *vk, hyi_vk_block *block) {
+    if (block->used_count) return;
+    hyi_vk_block **link = &vk->blocks;
+    while (*link != block) link = &(*link)->next;
+    *link = block->next;
+    hyi_vk_free_block(vk, block);
+}
+
 HYI_FN hydra_result hyi_vk_place(hyi_vk *vk, hyi_vk_buffer *buffer, hyi_vk_kind kind) {
     VkMemoryRequirements need;
     vk->f.GetBufferMemoryRequirements(vk->device, buffer->buffer, &need);
@@ -144,15 +152,9 @@ HYI_FN hydra_result hyi_vk_place(hyi_vk *vk, hyi_vk_buffer *buffer, hyi_vk_kind 
     hyi_vk_block *block = vk->blocks;
     while (block && !(block->type == type && hyi_vk_find_gap(block, need.size, need.alignment, &before, &offset))) block = block->next;
     if (!block) HYI_TRY(hyi_vk_new_block(vk, type, need.size, &block));
-    return hyi_vk_take_gap(vk, buffer, block, need.size, before, offset);
-}
-
-HYI_FN void hyi_vk_drop_block_if_empty(hyi_vk *vk, hyi_vk_block *block) {
-    if (block->used_count) return;
-    hyi_vk_block **link = &vk->blocks;
-    while (*link != block) link = &(*link)->next;
-    *link = block->next;
-    hyi_vk_free_block(vk, block);
+    hydra_result result = hyi_vk_take_gap(vk, buffer, block, need.size, before, offset);
+    if (result != HYDRA_OK) hyi_vk_drop_block_if_empty(vk, block);
+    return result;
 }
 
 /* ---- buffers */

@@ -141,22 +141,33 @@ HYI_FN hydra_result hyi_vk_make_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     return HYDRA_OK;
 }
 
-HYI_FN hydra_result hyi_vk_choose_pipelines(hydra_render *render, hyi_vk_render *r) {
+/* What a picture asks of a kernel, without what makes no difference to that one, so that like pictures share it.
+   The compilers of processors that pose as devices take seconds for shading: there it is made for a few sets of features,
+   those of the host's own kernels. */
+HYI_FN hydra_result hyi_vk_choose_pipeline(const hydra_render *render, hyi_vk_render *r, hyi_vk_kernel kernel, uint32_t mode, VkPipeline *pipeline) {
     const hyi_vk_scene *s = (const hyi_vk_scene *)render->scene->device;
+    uint32_t features = render->picture.features, wants = render->picture.kernel.settings.wants;
     hyi_vk_shape shape;
     memset(&shape, 0, sizeof shape);
-    HYI_TRY(hyi_vk_get_pipeline(r->vk, HYI_VK_KERNEL_arguments, &shape, &r->arguments));
-    shape.features = render->picture.features;
-    shape.wants = render->picture.kernel.settings.wants;
+    if (kernel == s->trace) {
+        shape = hyi_vk_trace_shape(render->scene, mode);
+        shape.wants = wants & (mode == HYK_TRACE_PATHS ? HYK_WANTS_SURFACE : HYK_WANTS_IRRADIANCE);
+    } else if (kernel != HYI_VK_KERNEL_arguments) {
+        shape.features = kernel == HYI_VK_KERNEL_generate ? features & HYK_NEEDS_ALPHA : kernel == HYI_VK_KERNEL_points ? features & HYK_NEEDS_AT_POINTS : features;
+        shape.wants = wants;
+    }
+    if (kernel == HYI_VK_KERNEL_shade && r->vk->type == HYDRA_VK_DEVICE_CPU) shape.features = hyi_kernel_features(features);
+    return hyi_vk_get_pipeline(r->vk, kernel, &shape, pipeline);
+}
+
+HYI_FN hydra_result hyi_vk_choose_pipelines(const hydra_render *render, hyi_vk_render *r) {
+    const hyi_vk_scene *s = (const hyi_vk_scene *)render->scene->device;
     bool points = render->picture.kernel.camera.kind == HYK_SENSOR_POINTS;
-    HYI_TRY(hyi_vk_get_pipeline(r->vk, points ? HYI_VK_KERNEL_points : HYI_VK_KERNEL_generate, &shape, &r->first));
-    HYI_TRY(hyi_vk_get_pipeline(r->vk, HYI_VK_KERNEL_shade, &shape, &r->shade));
-    shape.depth = s->depth;
-    shape.top_depth = s->top_depth;
-    shape.mode = HYK_TRACE_PATHS;
-    HYI_TRY(hyi_vk_get_pipeline(r->vk, s->trace, &shape, &r->paths));
-    shape.mode = HYK_TRACE_SHADOWS;
-    return r->has_shadows ? hyi_vk_get_pipeline(r->vk, s->trace, &shape, &r->shadows) : HYDRA_OK;
+    HYI_TRY(hyi_vk_choose_pipeline(render, r, HYI_VK_KERNEL_arguments, 0, &r->arguments));
+    HYI_TRY(hyi_vk_choose_pipeline(render, r, points ? HYI_VK_KERNEL_points : HYI_VK_KERNEL_generate, 0, &r->first));
+    HYI_TRY(hyi_vk_choose_pipeline(render, r, HYI_VK_KERNEL_shade, 0, &r->shade));
+    HYI_TRY(hyi_vk_choose_pipeline(render, r, s->trace, HYK_TRACE_PATHS, &r->paths));
+    return r->has_shadows ? hyi_vk_choose_pipeline(render, r, s->trace, HYK_TRACE_SHADOWS, &r->shadows) : HYDRA_OK;
 }
 
 HYI_FN hydra_result hyi_vk_fill_render(hydra_render *render, hyi_vk_render *r) {

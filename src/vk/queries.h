@@ -122,13 +122,8 @@ HYI_FN hydra_result hyi_vk_ask(hyi_vk *vk, const hydra_scene *scene, VkPipeline 
 HYI_FN hydra_result hyi_vk_ask_all(hyi_vk *vk, const hydra_scene *scene, const hydra_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
     const hyi_vk_scene *s = (const hyi_vk_scene *)scene->device;
     VkPipeline pipeline;
-    hyi_vk_shape shape;
+    hyi_vk_shape shape = hyi_vk_trace_shape(scene, hits ? HYK_TRACE_RAYS : HYK_TRACE_RAYS_ANY);
     bool sound = true;
-    memset(&shape, 0, sizeof shape);
-    shape.features = scene->view.constants.features;
-    shape.depth = s->depth;
-    shape.top_depth = s->top_depth;
-    shape.mode = hits ? HYK_TRACE_RAYS : HYK_TRACE_RAYS_ANY;
     HYI_TRY(hyi_vk_get_pipeline(vk, s->trace, &shape, &pipeline));
     HYI_TRY(hyi_vk_need_asker(vk));
     for (uint32_t first = 0, n; first < count; first += n) {

@@ -325,6 +325,18 @@ HYI_FN hydra_result hyi_vk_renew(hyi_vk_renewal *r) {
     return hyi_vk_choose_trace(r->vk, r->on_device);
 }
 
+/* What a kernel that casts rays in the scene is made for. */
+HYI_FN hyi_vk_shape hyi_vk_trace_shape(const hydra_scene *scene, uint32_t mode) {
+    const hyi_vk_scene *s = (const hyi_vk_scene *)scene->device;
+    hyi_vk_shape shape;
+    memset(&shape, 0, sizeof shape);
+    shape.features = scene->view.constants.features & (HYK_NEEDS_ALPHA | HYK_NEEDS_INSTANCES | HYK_NEEDS_SHAPES);
+    shape.depth = s->depth;
+    shape.top_depth = s->top_depth;
+    shape.mode = mode;
+    return shape;
+}
+
 /* ---- what the backend is asked for */
 
 HYI_FN void hyi_vk_forget_scene(hydra_scene *scene) {
