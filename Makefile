@@ -1,7 +1,8 @@
 # hydra: `make demo` needs a C compiler and nothing else; `make test` checks everything and sets itself up.
 #
-#   make hydra.h       the header from its parts          make test          everything below but fuzz, bench
-#   make demo          a picture and what it cost         make unit          the unit tests (T="bvh film": some)
+#   make headers       hydra.h, hydra_vk.h, from parts    make test          everything below but fuzz, bench
+#   make spirv         src/vk/spirv.h from shaders/       make unit          the unit tests (T="bvh film": some)
+#   make demo          a picture and what it cost         make unit-vk       those that can, on Vulkan (T=...)
 #   make examples      all of examples/                   make test-asan     unit tests under ASan and UBSan
 #   make bench         all of bench/ (QUICK=1: short)     make test-tsan     those with threads under TSan
 #   make bench-<name>  one of them                        make check-...     generated, prefix, shared, matrix
@@ -19,20 +20,29 @@ OPT ?= -O2
 LIBS := -lm -pthread
 export CC CXX
 
-.PHONY: all test unit test-asan test-tsan test-readme demo examples bench fuzz format tidy clean FORCE \
-	check-generated check-prefix check-shared check-matrix setup-cc setup-test setup-examples setup-fuzz setup-lint
+.PHONY: all headers spirv test unit unit-vk test-asan test-tsan test-readme demo examples bench fuzz format tidy clean FORCE \
+	check-generated check-prefix check-shared check-matrix setup-cc setup-shaders setup-test setup-examples setup-fuzz setup-lint
 .DEFAULT_GOAL := all
 
-all: hydra.h examples
+all: headers examples
 
-# ---- the header. Made when asked for, never on the way to something else: what is tested is what is committed.
+# ---- the headers. Made when asked for, never on the way to something else: what is tested is what is committed.
 
-AMALGAMATED := $(filter all hydra.h,$(or $(MAKECMDGOALS),all))
-ifneq ($(AMALGAMATED)$(if $(wildcard hydra.h),,missing),)
-hydra.h: build/amalgamate FORCE
-	@build/amalgamate build/hydra.h.new
-	@cmp -s build/hydra.h.new $@ && echo "hydra.h is fresh" || { cp build/hydra.h.new $@ && echo "made hydra.h"; }
+headers: hydra.h hydra_vk.h
+
+# header, how the amalgamator is asked for it
+define header
+ifneq ($(filter all headers $(1),$(or $(MAKECMDGOALS),all))$(if $(wildcard $(1)),,missing),)
+$(1): build/amalgamate FORCE
+	@build/amalgamate $(2) build/$(1).new
+	@cmp -s build/$(1).new $(1) && echo "$(1) is fresh" || { cp build/$(1).new $(1) && echo "made $(1)"; }
 endif
+endef
+$(eval $(call header,hydra.h,))
+$(eval $(call header,hydra_vk.h,--vk))
+
+spirv: setup-shaders
+	@shaders/compile.sh src/vk/spirv.h
 
 build/amalgamate: tools/amalgamate.c
 	@mkdir -p build
@@ -44,8 +54,10 @@ FORCE:
 
 setup-cc:
 	@CC=$(CC) sh -c 'command -v $$CC >/dev/null' || .ci/setup cc
+setup-shaders:
+	@.ci/setup shaders
 setup-test:
-	@.ci/setup cc tests examples
+	@.ci/setup cc shaders tests examples
 setup-examples:
 	@.ci/setup cc examples
 setup-fuzz:
@@ -92,39 +104,51 @@ $(BENCHES): bench-%: setup-cc build/bench/%
 	@QUICK=$(QUICK) build/bench/$*
 $(foreach p,$(call programs,bench),$(eval $(call program,bench,$(p),-O3)))
 
-# ---- unit tests: tests/test_<subject>.c, built in three ways
+# ---- unit tests: tests/test_<subject>.c, built in four ways
 
-SUBJECTS := $(sort $(patsubst tests/test_%.c,%,$(wildcard tests/test_*.c)))
+ALL_SUBJECTS := $(sort $(patsubst tests/test_%.c,%,$(wildcard tests/test_*.c)))
+SUBJECTS := $(filter-out vk_%,$(ALL_SUBJECTS))
+# On Vulkan: tests of the API, by the same source, and those about Vulkan alone. Not those that look inside the
+# implementation, which is the processor's, nor
+#   helpers   which makes no context
+INSIDE := $(patsubst tests/test_%.c,%,$(shell grep -lE '^\# *define HYDRA_IMPLEMENTATION' $(SUBJECTS:%=tests/test_%.c)))
+VK_SUBJECTS := $(filter-out $(INSIDE) helpers,$(ALL_SUBJECTS))
 # Those that start threads: the words by which a test asks for them.
 TSAN_SUBJECTS := $(or $(TSAN_SUBJECTS),$(patsubst tests/test_%.c,%,$(sort \
-	$(shell grep -lE 'ht_open_threads|[.>]threads *=|pthread_create|parallel_for' tests/test_*.c))))
+	$(shell grep -lE 'ht_open_threads|[.>]threads *=|pthread_create|parallel_for' $(SUBJECTS:%=tests/test_%.c)))))
 SUPPORT := $(filter-out main test_%,$(patsubst tests/%.c,%,$(wildcard tests/*.c)))
 # -g1: to follow variables through the traversal, gcc takes minutes a file.
 TEST_FLAGS := -std=c99 -D_POSIX_C_SOURCE=200809L -g1 -Wall -Wextra -I. -Itests
 
-# name, compiler, flags, subjects
+# name, compiler, flags, subjects, headers beside hydra.h
 define flavour
 .PHONY: $(1)-program
 $(1)-program: build/$(1)/tests
 build/$(1)/subjects.h: FORCE
 	@mkdir -p build/$(1)
 	@printf 'HT_SUBJECT(%s)\n' $(4) > $$@.new; cmp -s $$@.new $$@ && rm $$@.new || mv $$@.new $$@
-build/$(1)/main.o: tests/main.c build/$(1)/subjects.h $(wildcard tests/*.h)
+build/$(1)/main.o: tests/main.c build/$(1)/subjects.h tests/hydra_test_run.h
 	$(2) $$(TEST_FLAGS) $(3) -Ibuild/$(1) -c $$< -o $$@
-build/$(1)/%.o: tests/%.c hydra.h $(wildcard tests/*.h) build/$(1)/subjects.h
+build/$(1)/%.o: tests/%.c hydra.h $(5) $(wildcard tests/*.h) build/$(1)/subjects.h
 	$(2) $$(TEST_FLAGS) $(3) -c $$< -o $$@
-build/$(1)/hydra.o: hydra.h build/$(1)/subjects.h
-	$(2) $$(TEST_FLAGS) $(3) -DHYDRA_IMPLEMENTATION -x c -c hydra.h -o $$@
+build/$(1)/hydra.o: hydra.h $(5) build/$(1)/subjects.h
+	$(2) $$(TEST_FLAGS) $(3) -DHYDRA_IMPLEMENTATION $(5:hydra_vk.h=-DHYDRA_VK_IMPLEMENTATION) \
+		$(patsubst %,-include %,hydra.h $(5)) -x c -c /dev/null -o $$@
 build/$(1)/tests: build/$(1)/main.o build/$(1)/hydra.o $(patsubst %,build/$(1)/%.o,$(SUPPORT) $(addprefix test_,$(4)))
-	$(2) $(3) $$^ -o $$@ -lcmocka $$(LIBS)
+	$(2) $(3) $$^ -o $$@ -lcmocka $$(LIBS) $(5:hydra_vk.h=-ldl)
 endef
 SANITIZE := -O1 -fno-omit-frame-pointer
 $(eval $(call flavour,unit,$(CC),$(OPT),$(SUBJECTS)))
 $(eval $(call flavour,asan,$(CC),$(SANITIZE) -fsanitize=address -fsanitize=undefined -fno-sanitize-recover=all,$(SUBJECTS)))
 $(eval $(call flavour,tsan,$(CC),$(SANITIZE) -fsanitize=thread,$(TSAN_SUBJECTS)))
 
+$(eval $(call flavour,vk,$(CC),$(OPT) -DHT_VULKAN,$(VK_SUBJECTS),hydra_vk.h))
+
 unit: unit-program
 	@build/unit/tests $(T)
+# Mesa keeps the machine code of shaders in a folder: one of ours.
+unit-vk: vk-program
+	@MESA_SHADER_CACHE_DIR=$(CURDIR)/build/vk/shader_cache build/vk/tests $(T)
 test-asan: asan-program
 	@HYDRA_TEST_QUICK=1 ASAN_OPTIONS=detect_leaks=1 UBSAN_OPTIONS=print_stacktrace=1 build/asan/tests $(T)
 test-tsan: $(if $(TSAN_SUBJECTS),tsan-program)

@@ -2,9 +2,14 @@
 #include "hydra_test.h"
 #include "hydra_test_run.h"
 
+#ifdef HT_VULKAN
+#include <pthread.h>
+#endif
+
 /* ---- running */
 
 ht_totals ht_total;
+bool ht_idle;
 static uint64_t skipped_now;
 static CMFixtureFunction setup_now;
 static bool setup_failed;
@@ -18,6 +23,11 @@ static int watched_setup(void **state) {
 }
 
 int ht_run_group(const char *name, const struct CMUnitTest *tests, size_t count, CMFixtureFunction setup, CMFixtureFunction teardown) {
+    if (ht_idle) {
+        ht_total.groups++;
+        ht_total.skipped += count;
+        return 0;
+    }
     skipped_now = 0;
     setup_failed = false;
     setup_now = setup;
@@ -436,3 +446,139 @@ void ht_host_log(void *user, hydra_log_level level, const char *text) {
         host->errors++;
     snprintf(host->last, sizeof host->last, "%s", text);
 }
+
+/* ---- the device, and what its validation layer says */
+
+#ifndef HT_VULKAN
+
+ht_device ht_find_device(char *text, size_t size) {
+    if (size) text[0] = 0;
+    return HT_DEVICE_READY;
+}
+
+uint64_t ht_validation_messages(void) { return 0; }
+
+ht_device_totals ht_device_total(void) {
+    ht_device_totals none = {0, 0, 0};
+    return none;
+}
+
+#else
+
+#undef hydra_create
+#undef hydra_destroy
+
+/* The log of one context. */
+typedef struct watch {
+    struct watch *next;
+    hydra_context *context; /* NULL until there is one */
+    void (*log)(void *user, hydra_log_level level, const char *text);
+    void *user;
+    uint32_t messages;
+} watch;
+
+static struct {
+    pthread_mutex_t mutex;
+    watch *living;
+    uint64_t messages, provoked;
+    ht_device_totals totals;
+} watches = {PTHREAD_MUTEX_INITIALIZER, NULL, 0, 0, {0, 0, 0}};
+
+/* The layer names the rule that was broken. */
+static bool is_of_layer(hydra_log_level level, const char *text) {
+    return level != HYDRA_LOG_INFO && (strstr(text, "VUID-") || strstr(text, "SYNC-HAZARD") || strstr(text, "UNASSIGNED-"));
+}
+
+static void watch_log(void *user, hydra_log_level level, const char *text) {
+    watch *w = (watch *)user;
+    if (is_of_layer(level, text)) {
+        __atomic_add_fetch(&w->messages, 1, __ATOMIC_RELAXED);
+        print_error("%s\n", text);
+    }
+    if (w->log) w->log(w->user, level, text);
+}
+
+hydra_context_desc ht_vk_watched(const hydra_context_desc *desc) {
+    hydra_context_desc watched;
+    memset(&watched, 0, sizeof watched);
+    if (desc) watched = *desc;
+    watch *w = (watch *)calloc(1, sizeof *w);
+    if (!w) abort();
+    w->log = watched.log;
+    w->user = watched.log_user;
+    watched.log = watch_log;
+    watched.log_user = w;
+    return watched;
+}
+
+static void forget(watch *w, uint32_t messages) {
+    watches.messages += messages;
+    for (watch **at = &watches.living; *at; at = &(*at)->next) {
+        if (*at != w) continue;
+        *at = w->next;
+        break;
+    }
+    free(w);
+}
+
+void ht_vk_opened(const hydra_context_desc *watched, hydra_context *context, hydra_result result, const char *error) {
+    watch *w = (watch *)watched->log_user;
+    if (result == HYDRA_ERROR_DEVICE) print_error("%s\n", error);
+    pthread_mutex_lock(&watches.mutex);
+    w->context = context;
+    w->next = watches.living;
+    watches.living = w;
+    if (!context) forget(w, w->messages);
+    pthread_mutex_unlock(&watches.mutex);
+}
+
+/* The context's own count does not hold what its destruction brought up, and the log only what could be told apart. */
+void ht_vk_closed(hydra_context *context, const hydra_vk_info *before) {
+    pthread_mutex_lock(&watches.mutex);
+    watches.totals.contexts++;
+    watches.totals.pipelines += before->pipelines;
+    watches.totals.seconds_pipelines += before->seconds_pipelines;
+    watch *w = watches.living;
+    while (w && w->context != context) w = w->next;
+    if (!w)
+        watches.messages += before->validation_messages; /* made by the test itself, with a log of its own */
+    else
+        forget(w, w->messages > before->validation_messages ? w->messages : before->validation_messages);
+    pthread_mutex_unlock(&watches.mutex);
+}
+
+void ht_vk_provoke(uint32_t messages) {
+    pthread_mutex_lock(&watches.mutex);
+    watches.provoked += messages;
+    pthread_mutex_unlock(&watches.mutex);
+}
+
+uint64_t ht_validation_messages(void) {
+    watches.messages += ht_vk_share_end();
+    uint64_t said = watches.messages, meant = watches.provoked;
+    return said > meant ? said - meant : meant - said;
+}
+
+ht_device_totals ht_device_total(void) { return watches.totals; }
+
+static hydra_result try_device(bool validation, char *text, size_t size) {
+    hydra_context *context = NULL;
+    hydra_vk_info info;
+    hydra_vk_desc vk;
+    memset(&vk, 0, sizeof vk);
+    vk.validation = validation;
+    vk.error = text;
+    vk.error_size = size;
+    hydra_result result = hydra_vk_create(NULL, &vk, &context);
+    if (result != HYDRA_OK) return result;
+    if (hydra_vk_get_info(context, &info) == HYDRA_OK) snprintf(text, size, "%s", info.name);
+    return hydra_destroy(context);
+}
+
+ht_device ht_find_device(char *text, size_t size) {
+    char without[256];
+    if (try_device(true, text, size) == HYDRA_OK) return HT_DEVICE_READY;
+    return try_device(false, without, sizeof without) == HYDRA_ERROR_DEVICE ? HT_DEVICE_NONE : HT_DEVICE_NOT_WATCHED;
+}
+
+#endif

@@ -14,7 +14,10 @@
        #include "hydra.h"
        #include "hydra_test.h"
 
-   and have a copy of the library of their own. All helpers begin with ht_. */
+   and have a copy of the library of their own. All helpers begin with ht_.
+
+   All others are built a second time with HT_VULKAN, where hydra_create makes a context on a Vulkan device. Files
+   named test_vk_<subject>.c are built in that way only. */
 #ifndef HYDRA_TEST_H
 #define HYDRA_TEST_H
 
@@ -32,6 +35,51 @@
 #include <string.h>
 
 #include "hydra.h"
+
+#ifdef HT_VULKAN
+#include "hydra_vk.h"
+
+/* ---- on Vulkan: every context is one of a device, with the validation layer on; main fails when it said anything */
+
+/* desc with a log that counts what the layer says, then calls the log of desc. */
+hydra_context_desc ht_vk_watched(const hydra_context_desc *desc);
+void ht_vk_opened(const hydra_context_desc *watched, hydra_context *context, hydra_result result, const char *error);
+void ht_vk_closed(hydra_context *context, const hydra_vk_info *before);
+/* The next so many messages of the layer are meant: a test provokes them. */
+void ht_vk_provoke(uint32_t messages);
+
+/* Lets a context share device and pipelines with all others (vk_sharing.c). */
+void ht_vk_share(hydra_vk_desc *desc);
+/* Destroys the device. Returns how many messages that brought up. */
+uint64_t ht_vk_share_end(void);
+
+/* These two are in the header so that they call the library this file was compiled with. */
+static inline hydra_context *ht_vk_create(const hydra_context_desc *desc) {
+    char error[512] = "";
+    hydra_vk_desc vk;
+    memset(&vk, 0, sizeof vk);
+    vk.validation = true;
+    vk.error = error;
+    vk.error_size = sizeof error;
+    ht_vk_share(&vk);
+    hydra_context_desc watched = ht_vk_watched(desc);
+    hydra_context *context = NULL;
+    hydra_result result = hydra_vk_create(&watched, &vk, &context);
+    ht_vk_opened(&watched, context, result, error);
+    return context;
+}
+
+static inline hydra_result ht_vk_destroy(hydra_context *context) {
+    hydra_vk_info info;
+    bool device = context && hydra_vk_get_info(context, &info) == HYDRA_OK;
+    hydra_result result = hydra_destroy(context);
+    if (device && result == HYDRA_OK) ht_vk_closed(context, &info);
+    return result;
+}
+
+#define hydra_create ht_vk_create
+#define hydra_destroy ht_vk_destroy
+#endif
 
 #ifndef HT_PI
 #define HT_PI 3.14159265358979323846

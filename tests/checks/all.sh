@@ -1,6 +1,10 @@
 #!/bin/bash
 # The whole of `make test`: every stage, its time, and on the last line how many tests passed and failed. The unit
-# tests count one each; a check, a sanitizer run, the README's program and each example count as one test.
+# tests count one each, on the processor and on Vulkan; a check, a sanitizer run, the README's program and each example
+# count as one test.
+#
+# As many stages run side by side as there are jobs, the longest first: most of them keep one core busy, so that this
+# fills two where make -j alone would not. Seconds are those of the clock and, after them, of the processor.
 set -u
 cd "$(dirname "$0")/../.." || exit 1
 export LC_ALL=C
@@ -9,46 +13,51 @@ unset MAKEFLAGS MFLAGS
 logs=build/log
 rm -rf "$logs"
 mkdir -p "$logs"
-passed=0 failed=0 started=$SECONDS
-bad=()
+started=$SECONDS
 
-# Runs a goal of the Makefile; prints one line, and the end of its output if it failed.
-stage() { # goal, variables
-    local log=$logs/${1##*/}.log from=$SECONDS status
-    "$MAKE" --no-print-directory -j"$JOBS" "$@" > "$log" 2>&1
+# Runs a goal of the Makefile; says in one go how it went, what it left out, and the end of its output if it failed.
+stage() { # goal
+    local log=$logs/${1##*/}.log status
+    [ "$1" = unit-vk ] && export HYDRA_TEST_QUICK=1
+    TIMEFORMAT='%R %U %S'
+    { time "$MAKE" --no-print-directory -j"$inner" JOBS="$inner" "$1" > "$log" 2>&1; } 2> "$log.time"
     status=$?
-    printf '%-24s %s %4d s\n' "$1" "$([ $status -eq 0 ] && echo ok || echo FAILED)" $((SECONDS - from))
-    [ $status -eq 0 ] && return 0
-    bad+=("$1")
-    grep -B 2 -E '\] --- |\[  FAILED|FAILED |error:|ERROR:|warning:|runtime error|SUMMARY|: [0-9]+ wrong|no prefix|stale|missing|\*\*\*' "$log" |
-        grep -vE '^--$|\[ RUN|\[  +OK|test\(s\)|TEST\(S\)' | awk '!seen[$0]++' | head -n 40
-    echo "  ... the whole of it is in $log"
-    return 1
+    echo $status > "$log.status"
+    printf '%s\n' "$(
+        printf '%-24s %s' "$1" "$([ $status -eq 0 ] && echo ok || echo FAILED)"
+        awk '{ printf " %4.0f s %4.0f s\n", $1, $2 + $3 }' "$log.time"
+        grep -E '^note: |^no Vulkan loader|^on Vulkan: |^[0-9]+ validation messages' "$log" | sed 's/^/  /'
+        if [ $status -ne 0 ]; then
+            grep -B 2 -E '\] --- |\[  FAILED|FAILED |error:|ERROR:|warning:|runtime error|SUMMARY|: [0-9]+ wrong|no prefix|stale|missing|\*\*\*|VUID-|SYNC-HAZARD' "$log" |
+                grep -vE '^--$|\[ RUN|\[  +OK|test\(s\)|TEST\(S\)' | awk '!seen[$0]++' | head -n 40
+            echo "  ... the whole of it is in $log"
+        fi
+    )"
 }
+export -f stage
+inner=$((JOBS > 2 ? 2 : 1))
+export MAKE logs inner
 
-one() { if stage "$@"; then passed=$((passed + 1)); else failed=$((failed + 1)); fi; }
+stages=(unit-vk test-asan unit check-matrix test-tsan ${EXAMPLES-} check-shared check-prefix test-readme check-generated)
+printf '%s\n' "${stages[@]}" | xargs -P "$JOBS" -I GOAL bash -c 'stage GOAL'
 
-for check in check-generated check-prefix check-shared check-matrix; do one $check; done
-
-stage unit
-counts=$(grep -E '^[0-9]+ passed, [0-9]+ failed$' $logs/unit.log | tail -n 1)
-if [ -n "$counts" ]; then
-    sed -n '/^subject .*seconds$/,/ passed, /p' $logs/unit.log
-    passed=$((passed + $(cut -d' ' -f1 <<< "$counts"))) failed=$((failed + $(cut -d' ' -f3 <<< "$counts")))
-fi
-# It did not get to its count, or the count hides something: that is one failure more.
-if [ -z "$counts" ] || { [[ " ${bad[*]-} " == *" unit "* ]] && [ "$(cut -d' ' -f3 <<< "$counts")" -eq 0 ]; }; then failed=$((failed + 1)); fi
-
-# Both sanitizers side by side: their programs run in one thread for most of the time.
-stage test-asan &
-asan=$!
-stage test-tsan &
-tsan=$!
-for run in "$asan test-asan" "$tsan test-tsan"; do
-    if wait "${run% *}"; then passed=$((passed + 1)); else failed=$((failed + 1)) bad+=("${run#* }"); fi
+passed=0 failed=0 bad=()
+for goal in "${stages[@]}"; do
+    log=$logs/${goal##*/}.log
+    status=$(cat "$log.status" 2> /dev/null || echo 1)
+    [ "$status" -eq 0 ] || bad+=("$goal")
+    case $goal in
+        unit | unit-vk)
+            sed -n '/^subject .*seconds$/,/ passed, /p' "$log" | sed "1s/^subject */$(printf '%-27s' "$goal")/"
+            counts=$(grep -E '^[0-9]+ passed, [0-9]+ failed$' "$log" | tail -n 1)
+            wrong=$(cut -d' ' -f3 <<< "$counts")
+            # Without a count it did not get there; with a count of none failed, the count hides something.
+            [ "$status" -eq 0 ] || [ "${wrong:-0}" -ne 0 ] || wrong=1
+            passed=$((passed + $(cut -d' ' -f1 <<< "${counts:-0}"))) failed=$((failed + ${wrong:-1}))
+            ;;
+        *) if [ "$status" -eq 0 ]; then passed=$((passed + 1)); else failed=$((failed + 1)); fi ;;
+    esac
 done
-one test-readme
-for example in ${EXAMPLES-}; do one "$example"; done
 
 echo "total $((SECONDS - started)) s"
 [ ${#bad[@]} -eq 0 ] || echo "failed: ${bad[*]}"

@@ -16,6 +16,9 @@ wrong() { # a message: notes a failure
     printf '%s: %s\n' "$check" "$*"
     failures=$((failures + 1))
 }
+note() { # a message that `make test` shows as well: what was not checked here
+    printf 'note: %s: %s\n' "$check" "$*"
+}
 finish() { # ends the check
     if [ "$failures" -eq 0 ]; then
         printf '%s: ok%s\n' "$check" "${1:+, $1}"
