@@ -896,6 +896,17 @@ HYI_INLINE void hyi_prefetch(const void *address) {
 #endif
 }
 
+/* Which thread this is; never 0. */
+HYI_INLINE int64_t hyi_this_thread(void) {
+#if defined(HYDRA_NO_THREADS)
+    return 1;
+#elif defined(_WIN32)
+    return (int64_t)GetCurrentThreadId();
+#else
+    return (int64_t)(uintptr_t)pthread_self();
+#endif
+}
+
 /* ---- atomics, all sequentially consistent: they are used per tile, never per ray */
 
 typedef struct hyi_atomic { int64_t value; } hyi_atomic;
@@ -1028,6 +1039,7 @@ struct hydra_context {
     const struct hyi_backend *backend; /* NULL: work is done on the threads (backend.h) */
     void *device;                      /* the backend's */
     uint32_t scenes_living;
+    hyi_atomic quiet_thread; /* whose failures leave no text, since it casts rays; 0: none */
     hyi_atomic bytes_now, bytes_peak, allocations_now;
     char error[512];
 };
@@ -1038,9 +1050,10 @@ HYI_FN void hyi_log(const hydra_context *context, hydra_log_level level, const c
     if (context->desc.log) context->desc.log(context->desc.log_user, level, text);
 }
 
-/* Records and logs the message; returns result, so that a function can end with it. */
+/* Records and logs the message, unless the thread is to be quiet; returns result, so that a function can end with it. */
 HYI_NOINLINE hydra_result hyi_fail(hydra_context *context, hydra_result result, const char *format, ...) HYI_PRINTF(3, 4);
 HYI_NOINLINE hydra_result hyi_fail(hydra_context *context, hydra_result result, const char *format, ...) {
+    if (hyi_atomic_load(&context->quiet_thread) == hyi_this_thread()) return result;
     int used = snprintf(context->error, sizeof context->error, "%s: ", hydra_result_text(result));
     size_t at = used > 0 && (size_t)used < sizeof context->error ? (size_t)used : 0;
     va_list arguments;
@@ -1547,9 +1560,6 @@ typedef struct hyk_vec3 { hyk_real x, y, z; } hyk_vec3;
 #define hyk_min(a, b) min(a, b)
 #define hyk_max(a, b) max(a, b)
 #define hyk_floor(x) floor(x)
-#define hyk_sin(x) sin(x)
-#define hyk_cos(x) cos(x)
-#define hyk_atan2(y, x) atan(y, x)
 #define hyk_exp(x) exp(x)
 #define hyk_log2(x) log2(x)
 #define hyk_exp2(x) exp2(x)
@@ -1560,6 +1570,37 @@ typedef struct hyk_vec3 { hyk_real x, y, z; } hyk_vec3;
 #define hyk_bits_float(x) uintBitsToFloat(x)
 #define hyk_is_finite(x) (!isnan(x) && !isinf(x))
 #define hyk_reverse_bits(x) bitfieldReverse(x)
+
+/* Vulkan lets sines be off by 2^-11 and arcs by 4096 ulps. These are off by about 2 ulps where they are used here, sines
+   of up to some thousand. Coefficients: Moshier, Cephes, sinf.c and atanf.c. */
+float hyk_from_quarter(float x, float quarters) {
+    precise float high = x - quarters * 1.5703125;
+    precise float low = high - quarters * 4.837512969970703125e-4;
+    precise float rest = low - quarters * 7.54978995489188216e-8;
+    return rest;
+}
+float hyk_wave(float x, int turn) { /* sine of x + turn quarters */
+    float quarters = floor(x * 0.636619772367581343 + 0.5);
+    float r = hyk_from_quarter(x, quarters), z = r * r;
+    int q = int(quarters) + turn;
+    float s = ((-1.9515295891e-4 * z + 8.3321608736e-3) * z - 1.6666654611e-1) * z * r + r;
+    float c = ((2.443315711809948e-5 * z - 1.388731625493765e-3) * z + 4.166664568298827e-2) * z * z - 0.5 * z + 1.0;
+    float w = (q & 1) != 0 ? c : s;
+    return (q & 2) != 0 ? -w : w;
+}
+float hyk_sin(float x) { return hyk_wave(x, 0); }
+float hyk_cos(float x) { return hyk_wave(x, 1); }
+float hyk_atan2(float y, float x) {
+    float near = min(abs(x), abs(y)), far = max(abs(x), abs(y)), t = far > 0.0 ? near / far : 0.0;
+    bool upper = t > 0.414213562373095049;
+    t = upper ? (near - far) / (near + far) : t;
+    float z = t * t;
+    float arc = (((8.05374449538e-2 * z - 1.38776856032e-1) * z + 1.99777106478e-1) * z - 3.33329491539e-1) * z * t + t;
+    arc += upper ? 0.785398163397448309 : 0.0;
+    arc = abs(y) > abs(x) ? 1.57079632679489662 - arc : arc;
+    arc = x < 0.0 ? 3.14159265358979324 - arc : arc;
+    return y < 0.0 ? -arc : arc;
+}
 
 #else
 
@@ -18810,11 +18851,11 @@ HYDRA_API hydra_result hydra_render_merge(hydra_render *render, const void *film
 #ifndef HYI_ESTIMATE_H
 #define HYI_ESTIMATE_H
 
-HYI_FN uint32_t hyi_passes(uint32_t features, const hydra_render_desc *d) {
+HYI_FN uint32_t hyi_passes(uint32_t features) {
     uint32_t passes = HYDRA_PASS_GENERATE | HYDRA_PASS_INTERSECT | HYDRA_PASS_SHADE | HYDRA_PASS_ACCUMULATE;
     const uint32_t lights = HYK_NEEDS_EMITTERS | HYK_NEEDS_SUNS | HYK_NEEDS_ENVIRONMENT;
     if (features & HYK_NEEDS_SHAPES) passes |= HYDRA_PASS_SHAPES;
-    if (features & lights && d->strategy != HYDRA_STRATEGY_BSDF) passes |= HYDRA_PASS_SHADOW;
+    if (features & lights) passes |= HYDRA_PASS_SHADOW; /* lights without extent are sampled whatever the strategy */
     return passes;
 }
 
@@ -18830,7 +18871,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
     estimate->bytes_lanes = scene->context->threads * hyi_worker_bytes(scene, &film);
     estimate->bytes_sensor = hyi_sensor_bytes(resolved.sensor.kind, (uint64_t)resolved.width * resolved.height);
     estimate->bytes_total = sizeof(hydra_render) + estimate->bytes_film + estimate->bytes_lanes + estimate->bytes_sensor;
-    estimate->passes = hyi_passes(features, &resolved);
+    estimate->passes = hyi_passes(features);
     estimate->kernel_features = hyi_kernel_features(features);
     return HYDRA_OK;
 }

@@ -254,11 +254,19 @@ static void test_estimate(void **state) {
         assert_true(e.bytes_total >= parts && e.bytes_total - parts < 8192);
         assert_int_equal(status.bytes_film, e.bytes_film);
         assert_int_equal(status.bytes_lanes, e.bytes_lanes);
+#ifdef HT_VULKAN /* and the backend's own records, which stay with the context where they are of kernels */
+        assert_in_range(taken - (int64_t)e.bytes_total, 0, 64 * 1024);
+#else
         assert_int_equal(taken, e.bytes_total);
+#endif
         if (k < 2) assert_int_equal(e.bytes_sensor, 0);
         else assert_true(e.bytes_sensor >= 24 * 1024);
         hydra_render_destroy(render);
+#ifdef HT_VULKAN
+        assert_in_range(world.host.memory.bytes_now - before, 0, 64 * 1024);
+#else
         assert_int_equal(world.host.memory.bytes_now, before);
+#endif
         truth_close(&world);
     }
 }

@@ -21,9 +21,6 @@
 #define hyk_min(a, b) min(a, b)
 #define hyk_max(a, b) max(a, b)
 #define hyk_floor(x) floor(x)
-#define hyk_sin(x) sin(x)
-#define hyk_cos(x) cos(x)
-#define hyk_atan2(y, x) atan(y, x)
 #define hyk_exp(x) exp(x)
 #define hyk_log2(x) log2(x)
 #define hyk_exp2(x) exp2(x)
@@ -34,6 +31,37 @@
 #define hyk_bits_float(x) uintBitsToFloat(x)
 #define hyk_is_finite(x) (!isnan(x) && !isinf(x))
 #define hyk_reverse_bits(x) bitfieldReverse(x)
+
+/* Vulkan lets sines be off by 2^-11 and arcs by 4096 ulps. These are off by about 2 ulps where they are used here, sines
+   of up to some thousand. Coefficients: Moshier, Cephes, sinf.c and atanf.c. */
+float hyk_from_quarter(float x, float quarters) {
+    precise float high = x - quarters * 1.5703125;
+    precise float low = high - quarters * 4.837512969970703125e-4;
+    precise float rest = low - quarters * 7.54978995489188216e-8;
+    return rest;
+}
+float hyk_wave(float x, int turn) { /* sine of x + turn quarters */
+    float quarters = floor(x * 0.636619772367581343 + 0.5);
+    float r = hyk_from_quarter(x, quarters), z = r * r;
+    int q = int(quarters) + turn;
+    float s = ((-1.9515295891e-4 * z + 8.3321608736e-3) * z - 1.6666654611e-1) * z * r + r;
+    float c = ((2.443315711809948e-5 * z - 1.388731625493765e-3) * z + 4.166664568298827e-2) * z * z - 0.5 * z + 1.0;
+    float w = (q & 1) != 0 ? c : s;
+    return (q & 2) != 0 ? -w : w;
+}
+float hyk_sin(float x) { return hyk_wave(x, 0); }
+float hyk_cos(float x) { return hyk_wave(x, 1); }
+float hyk_atan2(float y, float x) {
+    float near = min(abs(x), abs(y)), far = max(abs(x), abs(y)), t = far > 0.0 ? near / far : 0.0;
+    bool upper = t > 0.414213562373095049;
+    t = upper ? (near - far) / (near + far) : t;
+    float z = t * t;
+    float arc = (((8.05374449538e-2 * z - 1.38776856032e-1) * z + 1.99777106478e-1) * z - 3.33329491539e-1) * z * t + t;
+    arc += upper ? 0.785398163397448309 : 0.0;
+    arc = abs(y) > abs(x) ? 1.57079632679489662 - arc : arc;
+    arc = x < 0.0 ? 3.14159265358979324 - arc : arc;
+    return y < 0.0 ? -arc : arc;
+}
 
 #else
 

@@ -15,6 +15,7 @@ struct hydra_context {
     const struct hyi_backend *backend; /* NULL: work is done on the threads (backend.h) */
     void *device;                      /* the backend's */
     uint32_t scenes_living;
+    hyi_atomic quiet_thread; /* whose failures leave no text, since it casts rays; 0: none */
     hyi_atomic bytes_now, bytes_peak, allocations_now;
     char error[512];
 };
@@ -25,9 +26,10 @@ HYI_FN void hyi_log(const hydra_context *context, hydra_log_level level, const c
     if (context->desc.log) context->desc.log(context->desc.log_user, level, text);
 }
 
-/* Records and logs the message; returns result, so that a function can end with it. */
+/* Records and logs the message, unless the thread is to be quiet; returns result, so that a function can end with it. */
 HYI_NOINLINE hydra_result hyi_fail(hydra_context *context, hydra_result result, const char *format, ...) HYI_PRINTF(3, 4);
 HYI_NOINLINE hydra_result hyi_fail(hydra_context *context, hydra_result result, const char *format, ...) {
+    if (hyi_atomic_load(&context->quiet_thread) == hyi_this_thread()) return result;
     int used = snprintf(context->error, sizeof context->error, "%s: ", hydra_result_text(result));
     size_t at = used > 0 && (size_t)used < sizeof context->error ? (size_t)used : 0;
     va_list arguments;

@@ -112,6 +112,17 @@ HYI_INLINE void hyi_prefetch(const void *address) {
 #endif
 }
 
+/* Which thread this is; never 0. */
+HYI_INLINE int64_t hyi_this_thread(void) {
+#if defined(HYDRA_NO_THREADS)
+    return 1;
+#elif defined(_WIN32)
+    return (int64_t)GetCurrentThreadId();
+#else
+    return (int64_t)(uintptr_t)pthread_self();
+#endif
+}
+
 /* ---- atomics, all sequentially consistent: they are used per tile, never per ray */
 
 typedef struct hyi_atomic { int64_t value; } hyi_atomic;

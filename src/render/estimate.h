@@ -4,11 +4,11 @@
 
 #include "render.h"
 
-HYI_FN uint32_t hyi_passes(uint32_t features, const hydra_render_desc *d) {
+HYI_FN uint32_t hyi_passes(uint32_t features) {
     uint32_t passes = HYDRA_PASS_GENERATE | HYDRA_PASS_INTERSECT | HYDRA_PASS_SHADE | HYDRA_PASS_ACCUMULATE;
     const uint32_t lights = HYK_NEEDS_EMITTERS | HYK_NEEDS_SUNS | HYK_NEEDS_ENVIRONMENT;
     if (features & HYK_NEEDS_SHAPES) passes |= HYDRA_PASS_SHAPES;
-    if (features & lights && d->strategy != HYDRA_STRATEGY_BSDF) passes |= HYDRA_PASS_SHADOW;
+    if (features & lights) passes |= HYDRA_PASS_SHADOW; /* lights without extent are sampled whatever the strategy */
     return passes;
 }
 
@@ -24,7 +24,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
     estimate->bytes_lanes = scene->context->threads * hyi_worker_bytes(scene, &film);
     estimate->bytes_sensor = hyi_sensor_bytes(resolved.sensor.kind, (uint64_t)resolved.width * resolved.height);
     estimate->bytes_total = sizeof(hydra_render) + estimate->bytes_film + estimate->bytes_lanes + estimate->bytes_sensor;
-    estimate->passes = hyi_passes(features, &resolved);
+    estimate->passes = hyi_passes(features);
     estimate->kernel_features = hyi_kernel_features(features);
     return HYDRA_OK;
 }

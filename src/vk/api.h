@@ -32,10 +32,11 @@ REQUIREMENTS (checked by hydra_vk_create, which names what is missing)
 
 EQUALITY
   Hits are decided in double precision on a device as on the processor: t, u, v and ids are equal to the bit on devices
-  whose double division rounds correctly, which all that were tried do. Shading is in float: sines, powers and the order
-  of sums differ in the last bits, so pictures of one seed differ by little at first and, where a last bit decides a
-  path's turn, by a sample. Means agree within their error bars; tests hold both to that. A device gives the same bits
-  every time, and with any number of threads, tiles, steps and shares, as long as neither device nor driver change.
+  whose double division rounds correctly, as lavapipe's does. Shading is in float: divisions, powers and the order of sums
+  differ in the last bits. So pictures of one seed differ by some millionths and, where a last bit decides a path's turn
+  (most often in surfaces that blend by alpha), by a sample. Means agree within their error bars; tests hold both to that.
+  A device gives the same bits every time, and with any number of threads, tiles, steps and shares, as long as neither
+  device nor driver change.
 
 THREADS
   As in hydra.h. One context uses one queue; where several threads cast rays they take turns. Contexts are independent,
@@ -137,9 +138,9 @@ typedef struct hydra_vk_info {
     uint64_t bytes_now, bytes_peak;  /* device memory */
     uint32_t pipelines;              /* made so far: kernels times sets of requirements */
     double seconds_start;            /* loader, instance and device */
-    double seconds_pipelines;        /* making them; a driver may put part of it off to their first use */
+    double seconds_pipelines;        /* making them; part of hydra_render_create, and of the first ray query */
     uint64_t submissions;
-    double slice_mean, slice_longest; /* seconds that submissions took */
+    double slice_mean, slice_longest; /* seconds that those took that traced paths or cast rays */
     uint32_t validation_messages;
     bool lost;
 } hydra_vk_info;

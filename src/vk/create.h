@@ -89,9 +89,14 @@ HYDRA_API hydra_result hydra_vk_list_devices(const hydra_vk_desc *desc, hydra_vk
     VkInstance instance = desc ? desc->instance : VK_NULL_HANDLE;
     hydra_result result = HYDRA_ERROR_DEVICE;
     if (instance) result = hyi_vk_list(&f, instance, infos, count);
-    else if (hyi_vk_create_instance(&f, NULL, false, &instance) >= 0) {
-        result = hyi_vk_list(&f, instance, infos, count);
-        if (f.DestroyInstance) f.DestroyInstance(instance, NULL);
+    else {
+        VkResult made = hyi_vk_create_instance(&f, NULL, false, &instance);
+        if (made >= 0) result = hyi_vk_list(&f, instance, infos, count);
+        if (made >= 0 && f.DestroyInstance) f.DestroyInstance(instance, NULL);
+        if (made == VK_ERROR_INCOMPATIBLE_DRIVER) { /* a loader without drivers */
+            *count = 0;
+            result = HYDRA_OK;
+        }
     }
     hyi_vk_close_library(&f);
     return result;
@@ -117,7 +122,7 @@ HYDRA_API hydra_result hydra_vk_get_info(const hydra_context *context, hydra_vk_
     info->seconds_start = vk->seconds_start;
     info->seconds_pipelines = vk->seconds_pipelines;
     info->submissions = vk->submissions;
-    info->slice_mean = vk->submissions ? vk->slice_total / (double)vk->submissions : 0.0;
+    info->slice_mean = vk->slices ? vk->slice_total / (double)vk->slices : 0.0;
     info->slice_longest = vk->slice_longest;
     info->validation_messages = (uint32_t)hyi_atomic_load(&vk->validation_messages);
     info->lost = hyi_atomic_load(&vk->lost) != 0;

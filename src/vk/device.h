@@ -55,7 +55,7 @@ typedef struct hyi_vk {
     hyi_vk_asker *asker; /* made when first rays are cast */
     uint32_t pipeline_count;
     double seconds_start, seconds_pipelines, slice_total, slice_longest;
-    uint64_t submissions;
+    uint64_t submissions, slices; /* slices: submissions of work, not of uploads */
     char name[VK_MAX_PHYSICAL_DEVICE_NAME_SIZE];
 } hyi_vk;
 
@@ -73,6 +73,20 @@ HYI_FN hydra_result hyi_vk_result(hyi_vk *vk, VkResult result, const char *what)
     return hyi_fail(vk->context, HYDRA_ERROR_DEVICE, "%s gave VkResult %d", what, (int)result);
 }
 #define HYI_VK_TRY(vk, what, call) HYI_TRY(hyi_vk_result((vk), (vk)->f.call, what))
+/* The same for a call that makes handle: what a failing one leaves in it is undefined. */
+#define HYI_VK_MAKE(vk, what, call, handle)                              \
+    do {                                                                 \
+        hydra_result hyi_made = hyi_vk_result((vk), (vk)->f.call, what); \
+        if (hyi_made != HYDRA_OK) {                                      \
+            (handle) = VK_NULL_HANDLE;                                   \
+            return hyi_made;                                             \
+        }                                                                \
+    } while (0)
+
+/* To be asked before anything is begun that needs the device. */
+HYI_FN hydra_result hyi_vk_check_lost(hyi_vk *vk) {
+    return hyi_atomic_load(&vk->lost) ? hyi_vk_fail(vk, HYDRA_ERROR_DEVICE_LOST, "it was lost before") : HYDRA_OK;
+}
 
 /* ---- instance */
 
@@ -259,7 +273,7 @@ HYI_FN hydra_result hyi_vk_make_device(hyi_vk *vk) {
     info.queueCreateInfoCount = 1;
     info.pQueueCreateInfos = &queue;
     info.pEnabledFeatures = &features;
-    HYI_VK_TRY(vk, "vkCreateDevice", CreateDevice(vk->physical, &info, vk->desc.allocation, &vk->device));
+    HYI_VK_MAKE(vk, "vkCreateDevice", CreateDevice(vk->physical, &info, vk->desc.allocation, &vk->device), vk->device);
     vk->owns_device = true;
     if (!hyi_vk_load_device(&vk->f, vk->device)) return hyi_vk_fail(vk, HYDRA_ERROR_DEVICE, "the device lacks functions of Vulkan 1.2");
     vk->f.GetDeviceQueue(vk->device, vk->family, 0, &vk->queue);
@@ -274,13 +288,16 @@ HYI_FN hydra_result hyi_vk_take_instance(hyi_vk *vk) {
     if (validate && !hyi_vk_has_layer(&vk->f, "VK_LAYER_KHRONOS_validation"))
         return hyi_vk_fail(vk, HYDRA_ERROR_DEVICE, "VK_LAYER_KHRONOS_validation is not installed");
     if (!d->instance) {
-        HYI_TRY(hyi_vk_result(vk, hyi_vk_create_instance(&vk->f, vk, validate, &vk->instance), "vkCreateInstance"));
+        VkResult made = hyi_vk_create_instance(&vk->f, vk, validate, &vk->instance);
+        if (made == VK_ERROR_INCOMPATIBLE_DRIVER) return hyi_vk_fail(vk, HYDRA_ERROR_DEVICE, "the Vulkan loader knows no device of Vulkan 1.2");
+        HYI_TRY(hyi_vk_result(vk, made, "vkCreateInstance"));
         vk->owns_instance = true;
     }
     if (!hyi_vk_load_instance(&vk->f, vk->instance)) return hyi_vk_fail(vk, HYDRA_ERROR_DEVICE, "the instance lacks functions of Vulkan 1.2");
     if (!validate) return HYDRA_OK;
     VkDebugUtilsMessengerCreateInfoEXT messenger = hyi_vk_messenger_info(vk);
-    HYI_VK_TRY(vk, "vkCreateDebugUtilsMessengerEXT", CreateDebugUtilsMessengerEXT(vk->instance, &messenger, d->allocation, &vk->messenger));
+    if (!vk->f.CreateDebugUtilsMessengerEXT || !vk->f.DestroyDebugUtilsMessengerEXT) return hyi_vk_fail(vk, HYDRA_ERROR_DEVICE, "the instance lacks functions of VK_EXT_debug_utils");
+    HYI_VK_MAKE(vk, "vkCreateDebugUtilsMessengerEXT", CreateDebugUtilsMessengerEXT(vk->instance, &messenger, d->allocation, &vk->messenger), vk->messenger);
     return HYDRA_OK;
 }
 
@@ -317,9 +334,9 @@ HYI_FN hydra_result hyi_vk_take_device(hyi_vk *vk) {
 }
 
 HYI_FN void hyi_vk_release_device(hyi_vk *vk) {
-    if (vk->owns_device) vk->f.DestroyDevice(vk->device, vk->desc.allocation);
+    if (vk->owns_device && vk->f.DestroyDevice) vk->f.DestroyDevice(vk->device, vk->desc.allocation);
     if (vk->messenger) vk->f.DestroyDebugUtilsMessengerEXT(vk->instance, vk->messenger, vk->desc.allocation);
-    if (vk->owns_instance) vk->f.DestroyInstance(vk->instance, vk->desc.allocation);
+    if (vk->owns_instance && vk->f.DestroyInstance) vk->f.DestroyInstance(vk->instance, vk->desc.allocation);
     hyi_vk_close_library(&vk->f);
 }
 

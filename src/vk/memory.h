@@ -79,7 +79,7 @@ HYI_FN hydra_result hyi_vk_fill_block(hyi_vk *vk, hyi_vk_block *block) {
     if (vk->desc.memory_cap && vk->bytes_now + block->size > vk->desc.memory_cap)
         return hyi_fail(vk->context, HYDRA_ERROR_DEVICE_MEMORY, "%llu bytes more than the %llu now, the cap is %zu", (unsigned long long)block->size,
                         (unsigned long long)vk->bytes_now, vk->desc.memory_cap);
-    HYI_VK_TRY(vk, "vkAllocateMemory", AllocateMemory(vk->device, &info, vk->desc.allocation, &block->memory));
+    HYI_VK_MAKE(vk, "vkAllocateMemory", AllocateMemory(vk->device, &info, vk->desc.allocation, &block->memory), block->memory);
     vk->bytes_now += block->size;
     if (vk->bytes_now > vk->bytes_peak) vk->bytes_peak = vk->bytes_now;
     if ((vk->memory.memoryTypes[block->type].propertyFlags & HYI_VK_VISIBLE) != HYI_VK_VISIBLE) return HYDRA_OK;
@@ -178,7 +178,7 @@ HYI_FN hydra_result hyi_vk_make_buffer_held(hyi_vk *vk, hyi_vk_buffer *buffer, h
     info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
     info.size = size;
     info.usage = usage;
-    HYI_VK_TRY(vk, "vkCreateBuffer", CreateBuffer(vk->device, &info, vk->desc.allocation, &buffer->buffer));
+    HYI_VK_MAKE(vk, "vkCreateBuffer", CreateBuffer(vk->device, &info, vk->desc.allocation, &buffer->buffer), buffer->buffer);
     buffer->size = size;
     HYI_TRY(hyi_vk_place(vk, buffer, kind));
     HYI_VK_TRY(vk, "vkBindBufferMemory", BindBufferMemory(vk->device, buffer->buffer, buffer->block->memory, buffer->offset));

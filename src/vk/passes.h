@@ -170,19 +170,54 @@ HYI_FN hydra_result hyi_vk_choose_pipelines(const hydra_render *render, hyi_vk_r
     return r->has_shadows ? hyi_vk_choose_pipeline(render, r, s->trace, HYK_TRACE_SHADOWS, &r->shadows) : HYDRA_OK;
 }
 
+HYI_FN void hyi_vk_bind(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+    const hyi_vk_scene *s = (const hyi_vk_scene *)render->scene->device;
+    VkDescriptorSet sets[2] = { s->set.set, b->set.set };
+    hyk_dispatch call;
+    call.lanes = b->unit_count * r->lanes_of_unit;
+    call.pool_lanes = r->pool_lanes;
+    call.lanes_of_unit = r->lanes_of_unit;
+    call.unused = 0;
+    r->vk->f.CmdBindDescriptorSets(b->commands.buffer, VK_PIPELINE_BIND_POINT_COMPUTE, r->vk->layout, 0, 2, sets, 0, NULL);
+    r->vk->f.CmdPushConstants(b->commands.buffer, r->vk->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof call, &call);
+}
+
+/* Some drivers put off compiling to a pipeline's first dispatch: it comes here, over no lanes, so that no slice and no time
+   budget has to bear it. */
+HYI_FN hydra_result hyi_vk_warm(hydra_render *render, hyi_vk_render *r) {
+    hyi_vk_commands *c = &r->batches[0].commands;
+    const VkPipeline all[5] = { r->first, r->arguments, r->paths, r->shade, r->shadows };
+    double start = hyi_seconds(), seconds;
+    HYI_TRY(hyi_vk_begin(r->vk, c));
+    hyi_vk_bind(render, r, &r->batches[0]);
+    for (int i = 0; i < 5; i++) {
+        if (!all[i]) continue;
+        r->vk->f.CmdBindPipeline(c->buffer, VK_PIPELINE_BIND_POINT_COMPUTE, all[i]);
+        r->vk->f.CmdDispatch(c->buffer, 0, 1, 1);
+        hyi_vk_barrier(r->vk, c);
+    }
+    HYI_TRY(hyi_vk_submit(r->vk, c));
+    HYI_TRY(hyi_vk_wait(r->vk, c, &seconds));
+    hyi_vk_acquire(&r->vk->shared);
+    r->vk->seconds_pipelines += hyi_seconds() - start;
+    hyi_vk_release(&r->vk->shared);
+    return HYDRA_OK;
+}
+
 HYI_FN hydra_result hyi_vk_fill_render(hydra_render *render, hyi_vk_render *r) {
     const uint32_t lights = HYK_NEEDS_EMITTERS | HYK_NEEDS_SUNS | HYK_NEEDS_ENVIRONMENT;
     r->vk = (hyi_vk *)render->context->device;
     r->lanes_of_unit = render->film.tile_pixels * HYI_CHUNK_SAMPLES;
-    r->has_shadows = (render->picture.features & lights) && render->desc.strategy != HYDRA_STRATEGY_BSDF;
+    r->has_shadows = (render->picture.features & lights) != 0; /* lights without extent are sampled whatever the strategy */
     r->has_extras = render->picture.kernel.settings.wants != 0;
     hyi_vk_plan_pool(render, r);
     HYI_TRY(hyi_vk_make_buffer(r->vk, &r->picture, HYI_VK_DEVICE, sizeof(hyk_picture), "the picture"));
     HYI_TRY(hyi_vk_send(r->vk, &r->picture, &render->picture.kernel, sizeof(hyk_picture)));
     HYI_TRY(hyi_vk_send_sensor(render, r));
+    uint32_t pipelines = r->vk->pipeline_count;
     HYI_TRY(hyi_vk_choose_pipelines(render, r));
     for (uint32_t i = 0; i < HYI_VK_BATCHES; i++) HYI_TRY(hyi_vk_make_batch(r, &r->batches[i]));
-    return HYDRA_OK;
+    return r->vk->pipeline_count == pipelines ? HYDRA_OK : hyi_vk_warm(render, r);
 }
 
 HYI_FN void hyi_vk_free_batch(hyi_vk_render *r, hyi_vk_batch *b) {
@@ -208,6 +243,7 @@ HYI_FN void hyi_vk_end_render(hydra_render *render) {
 /* hydra_render_destroy cleans up after a failure. */
 HYI_FN hydra_result hyi_vk_begin_render(hydra_render *render) {
     hyi_vk_render *r;
+    HYI_TRY(hyi_vk_check_lost((hyi_vk *)render->context->device));
     HYI_TRY(hyi_alloc_array(render->context, &r, 1));
     memset(r, 0, sizeof *r);
     r->vk = (hyi_vk *)render->context->device;
@@ -230,18 +266,6 @@ HYI_FN void hyi_vk_pass(hyi_vk_render *r, hyi_vk_batch *b, VkPipeline pipeline, 
     if (groups) f->CmdDispatch(b->commands.buffer, groups, 1, 1);
     else f->CmdDispatchIndirect(b->commands.buffer, b->buffers[HYK_BINDING_COUNTS].buffer, offset);
     hyi_vk_end_phase(r, b, phase);
-}
-
-HYI_FN void hyi_vk_bind(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
-    const hyi_vk_scene *s = (const hyi_vk_scene *)render->scene->device;
-    VkDescriptorSet sets[2] = { s->set.set, b->set.set };
-    hyk_dispatch call;
-    call.lanes = b->unit_count * r->lanes_of_unit;
-    call.pool_lanes = r->pool_lanes;
-    call.lanes_of_unit = r->lanes_of_unit;
-    call.unused = 0;
-    r->vk->f.CmdBindDescriptorSets(b->commands.buffer, VK_PIPELINE_BIND_POINT_COMPUTE, r->vk->layout, 0, 2, sets, 0, NULL);
-    r->vk->f.CmdPushConstants(b->commands.buffer, r->vk->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof call, &call);
 }
 
 HYI_FN void hyi_vk_record_arguments(hyi_vk_render *r, hyi_vk_batch *b) {
@@ -349,6 +373,7 @@ HYI_FN void hyi_vk_keep_times(hydra_render *render, hyi_vk_render *r, hyi_vk_bat
 HYI_FN hydra_result hyi_vk_advance(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
     double seconds;
     HYI_TRY(hyi_vk_wait(r->vk, &b->commands, &seconds));
+    hyi_vk_count_slice(r->vk, seconds);
     if (b->reading) {
         b->traced = true;
         return HYDRA_OK;

@@ -46,7 +46,7 @@ HYI_FN hydra_result hyi_vk_make_set_layout(hyi_vk *vk, uint32_t storage, uint32_
     info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
     info.bindingCount = storage + texels;
     info.pBindings = bindings;
-    HYI_VK_TRY(vk, "vkCreateDescriptorSetLayout", CreateDescriptorSetLayout(vk->device, &info, vk->desc.allocation, layout));
+    HYI_VK_MAKE(vk, "vkCreateDescriptorSetLayout", CreateDescriptorSetLayout(vk->device, &info, vk->desc.allocation, layout), *layout);
     return HYDRA_OK;
 }
 
@@ -62,7 +62,7 @@ HYI_FN hydra_result hyi_vk_make_layouts(hyi_vk *vk) {
     info.pSetLayouts = sets;
     info.pushConstantRangeCount = 1;
     info.pPushConstantRanges = &push;
-    HYI_VK_TRY(vk, "vkCreatePipelineLayout", CreatePipelineLayout(vk->device, &info, vk->desc.allocation, &vk->layout));
+    HYI_VK_MAKE(vk, "vkCreatePipelineLayout", CreatePipelineLayout(vk->device, &info, vk->desc.allocation, &vk->layout), vk->layout);
     return HYDRA_OK;
 }
 
@@ -76,7 +76,7 @@ HYI_FN hydra_result hyi_vk_make_cache(hyi_vk *vk) {
     if (vk->f.CreatePipelineCache(vk->device, &info, vk->desc.allocation, &vk->cache) >= 0) return HYDRA_OK;
     info.initialDataSize = 0;
     info.pInitialData = NULL;
-    HYI_VK_TRY(vk, "vkCreatePipelineCache", CreatePipelineCache(vk->device, &info, vk->desc.allocation, &vk->cache));
+    HYI_VK_MAKE(vk, "vkCreatePipelineCache", CreatePipelineCache(vk->device, &info, vk->desc.allocation, &vk->cache), vk->cache);
     return HYDRA_OK;
 }
 
@@ -102,12 +102,12 @@ HYI_FN hydra_result hyi_vk_make_set(hyi_vk *vk, VkDescriptorSetLayout layout, ui
     pool.maxSets = 1;
     pool.poolSizeCount = texels ? 2 : 1;
     pool.pPoolSizes = sizes;
-    HYI_VK_TRY(vk, "vkCreateDescriptorPool", CreateDescriptorPool(vk->device, &pool, vk->desc.allocation, &set->pool));
+    HYI_VK_MAKE(vk, "vkCreateDescriptorPool", CreateDescriptorPool(vk->device, &pool, vk->desc.allocation, &set->pool), set->pool);
     info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
     info.descriptorPool = set->pool;
     info.descriptorSetCount = 1;
     info.pSetLayouts = &layout;
-    HYI_VK_TRY(vk, "vkAllocateDescriptorSets", AllocateDescriptorSets(vk->device, &info, &set->set));
+    HYI_VK_MAKE(vk, "vkAllocateDescriptorSets", AllocateDescriptorSets(vk->device, &info, &set->set), set->set);
     return HYDRA_OK;
 }
 

@@ -114,6 +114,7 @@ HYI_FN hydra_result hyi_vk_ask(hyi_vk *vk, const hydra_scene *scene, VkPipeline 
     hyi_vk_record_query(vk, a, scene, pipeline, hits == NULL, count);
     HYI_TRY(hyi_vk_submit(vk, &a->commands));
     HYI_TRY(hyi_vk_wait(vk, &a->commands, &seconds));
+    hyi_vk_count_slice(vk, seconds);
     hyi_vk_get_answers(a, hits, occluded, count);
     hyi_vk_learn_slice(vk, a, count, seconds);
     return HYDRA_OK;
@@ -136,7 +137,9 @@ HYI_FN hydra_result hyi_vk_ask_all(hyi_vk *vk, const hydra_scene *scene, const h
 HYI_FN hydra_result hyi_vk_trace(const hydra_scene *scene, const hydra_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
     hyi_vk *vk = (hyi_vk *)scene->context->device;
     hyi_vk_acquire(&vk->asking);
+    hyi_atomic_store(&vk->context->quiet_thread, hyi_this_thread());
     hydra_result result = hyi_vk_ask_all(vk, scene, rays, hits, occluded, count);
+    hyi_atomic_store(&vk->context->quiet_thread, 0);
     hyi_vk_release(&vk->asking);
     return result;
 }

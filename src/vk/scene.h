@@ -294,7 +294,7 @@ HYI_FN hydra_result hyi_vk_make_texels(hyi_vk *vk, hyi_vk_scene *s, uint32_t i, 
     info.buffer = s->buffers[HYK_BINDING_NODES + i].buffer;
     info.format = format;
     info.range = VK_WHOLE_SIZE;
-    HYI_VK_TRY(vk, "vkCreateBufferView", CreateBufferView(vk->device, &info, vk->desc.allocation, &s->texels[i]));
+    HYI_VK_MAKE(vk, "vkCreateBufferView", CreateBufferView(vk->device, &info, vk->desc.allocation, &s->texels[i]), s->texels[i]);
     hyi_vk_write_texels(vk, &s->set, HYK_BINDING_NODE_TEXELS + i, s->texels[i]);
     return HYDRA_OK;
 }
@@ -355,6 +355,7 @@ HYI_FN void hyi_vk_forget_scene(hydra_scene *scene) {
 HYI_FN hydra_result hyi_vk_commit(hydra_scene *scene, uint32_t dirty) {
     hyi_vk_renewal *r;
     hyi_vk_scene *s;
+    HYI_TRY(hyi_vk_check_lost((hyi_vk *)scene->context->device));
     HYI_TRY(hyi_alloc_array(scene->context, &r, 1));
     memset(r, 0, sizeof *r);
     hydra_result result = HYDRA_OK;

@@ -18,6 +18,7 @@ typedef struct hyi_vk_commands {
 } hyi_vk_commands;
 
 HYI_FN void hyi_vk_free_commands(hyi_vk *vk, hyi_vk_commands *c) {
+    if (c->in_flight) (void)vk->f.WaitForFences(vk->device, 1, &c->fence, VK_TRUE, UINT64_MAX); /* a wait had failed */
     if (c->marks) vk->f.DestroyQueryPool(vk->device, c->marks, vk->desc.allocation);
     if (c->fence) vk->f.DestroyFence(vk->device, c->fence, vk->desc.allocation);
     if (c->pool) vk->f.DestroyCommandPool(vk->device, c->pool, vk->desc.allocation);
@@ -30,7 +31,7 @@ HYI_FN hydra_result hyi_vk_make_marks(hyi_vk *vk, hyi_vk_commands *c) {
     info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
     info.queryType = VK_QUERY_TYPE_TIMESTAMP;
     info.queryCount = HYI_VK_MARKS_MOST;
-    HYI_VK_TRY(vk, "vkCreateQueryPool", CreateQueryPool(vk->device, &info, vk->desc.allocation, &c->marks));
+    HYI_VK_MAKE(vk, "vkCreateQueryPool", CreateQueryPool(vk->device, &info, vk->desc.allocation, &c->marks), c->marks);
     return HYDRA_OK;
 }
 
@@ -45,14 +46,14 @@ HYI_FN hydra_result hyi_vk_make_commands(hyi_vk *vk, hyi_vk_commands *c) {
     pool.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
     pool.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
     pool.queueFamilyIndex = vk->family;
-    HYI_VK_TRY(vk, "vkCreateCommandPool", CreateCommandPool(vk->device, &pool, vk->desc.allocation, &c->pool));
+    HYI_VK_MAKE(vk, "vkCreateCommandPool", CreateCommandPool(vk->device, &pool, vk->desc.allocation, &c->pool), c->pool);
     buffer.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
     buffer.commandPool = c->pool;
     buffer.level = VK_COMMAND_BUFFER_LEVEL_PRIMARY;
     buffer.commandBufferCount = 1;
     HYI_VK_TRY(vk, "vkAllocateCommandBuffers", AllocateCommandBuffers(vk->device, &buffer, &c->buffer));
     fence.sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO;
-    HYI_VK_TRY(vk, "vkCreateFence", CreateFence(vk->device, &fence, vk->desc.allocation, &c->fence));
+    HYI_VK_MAKE(vk, "vkCreateFence", CreateFence(vk->device, &fence, vk->desc.allocation, &c->fence), c->fence);
     return vk->times ? hyi_vk_make_marks(vk, c) : HYDRA_OK;
 }
 
@@ -63,7 +64,9 @@ HYI_FN hydra_result hyi_vk_begin(hyi_vk *vk, hyi_vk_commands *c) {
     memset(&info, 0, sizeof info);
     info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
     info.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
-    if (hyi_atomic_load(&vk->lost)) return hyi_vk_fail(vk, HYDRA_ERROR_DEVICE_LOST, "it was lost before");
+    HYI_TRY(hyi_vk_check_lost(vk));
+    if (c->in_flight) HYI_VK_TRY(vk, "vkWaitForFences", WaitForFences(vk->device, 1, &c->fence, VK_TRUE, UINT64_MAX)); /* a wait had failed */
+    c->in_flight = false;
     HYI_VK_TRY(vk, "vkBeginCommandBuffer", BeginCommandBuffer(c->buffer, &info));
     c->mark_count = 0;
     if (c->marks) vk->f.CmdResetQueryPool(c->buffer, c->marks, 0, HYI_VK_MARKS_MOST);
@@ -107,6 +110,7 @@ HYI_FN void hyi_vk_copy(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_buffer *fro
 
 HYI_FN VkResult hyi_vk_queue(hyi_vk *vk, const VkSubmitInfo *info, VkFence fence) {
     hyi_vk_acquire(&vk->shared);
+    vk->submissions++;
     if (vk->desc.lock_queue) vk->desc.lock_queue(vk->desc.lock_user);
     VkResult result = vk->f.QueueSubmit(vk->queue, 1, info, fence);
     if (vk->desc.unlock_queue) vk->desc.unlock_queue(vk->desc.lock_user);
@@ -121,6 +125,7 @@ HYI_FN hydra_result hyi_vk_submit(hyi_vk *vk, hyi_vk_commands *c) {
     info.commandBufferCount = 1;
     info.pCommandBuffers = &c->buffer;
     HYI_VK_TRY(vk, "vkEndCommandBuffer", EndCommandBuffer(c->buffer));
+    HYI_VK_TRY(vk, "vkResetFences", ResetFences(vk->device, 1, &c->fence));
     c->submitted = hyi_seconds();
     HYI_TRY(hyi_vk_result(vk, hyi_vk_queue(vk, &info, c->fence), "vkQueueSubmit"));
     c->in_flight = true;
@@ -129,7 +134,7 @@ HYI_FN hydra_result hyi_vk_submit(hyi_vk *vk, hyi_vk_commands *c) {
 
 HYI_FN void hyi_vk_count_slice(hyi_vk *vk, double seconds) {
     hyi_vk_acquire(&vk->shared);
-    vk->submissions++;
+    vk->slices++;
     vk->slice_total += seconds;
     if (seconds > vk->slice_longest) vk->slice_longest = seconds;
     hyi_vk_release(&vk->shared);
@@ -151,11 +156,9 @@ HYI_FN hydra_result hyi_vk_wait(hyi_vk *vk, hyi_vk_commands *c, double *seconds)
     if (!c->in_flight) return HYDRA_OK;
     HYI_VK_TRY(vk, "vkWaitForFences", WaitForFences(vk->device, 1, &c->fence, VK_TRUE, UINT64_MAX));
     c->in_flight = false;
-    HYI_VK_TRY(vk, "vkResetFences", ResetFences(vk->device, 1, &c->fence));
     uint32_t count = hyi_vk_read_marks(vk, c, between);
     for (uint32_t i = 0; i < count; i++) *seconds += between[i];
     if (!count) *seconds = hyi_seconds() - c->submitted;
-    hyi_vk_count_slice(vk, *seconds);
     return HYDRA_OK;
 }
 
