@@ -110,9 +110,12 @@ ALL_SUBJECTS := $(sort $(patsubst tests/test_%.c,%,$(wildcard tests/test_*.c)))
 SUBJECTS := $(filter-out vk_%,$(ALL_SUBJECTS))
 # On Vulkan: tests of the API, by the same source, and those about Vulkan alone. Not those that look inside the
 # implementation, which is the processor's, nor
-#   helpers   which makes no context
+#   helpers     which makes no context
+#   memory      whose ray queries never fail; vk_limits fails every allocation and every call of a device context
+#   statistics  hundreds of pictures for the coverage of error bars, which the host makes; minutes on lavapipe
+#   sensors     minutes on lavapipe, for its many samples; vk_equal holds every sensor against the processor's
 INSIDE := $(patsubst tests/test_%.c,%,$(shell grep -lE '^\# *define HYDRA_IMPLEMENTATION' $(SUBJECTS:%=tests/test_%.c)))
-VK_SUBJECTS := $(filter-out $(INSIDE) helpers,$(ALL_SUBJECTS))
+VK_SUBJECTS := $(filter-out $(INSIDE) helpers memory statistics sensors,$(ALL_SUBJECTS))
 # Those that start threads: the words by which a test asks for them.
 TSAN_SUBJECTS := $(or $(TSAN_SUBJECTS),$(patsubst tests/test_%.c,%,$(sort \
 	$(shell grep -lE 'ht_open_threads|[.>]threads *=|pthread_create|parallel_for' $(SUBJECTS:%=tests/test_%.c)))))
@@ -148,7 +151,7 @@ unit: unit-program
 	@build/unit/tests $(T)
 # Mesa keeps the machine code of shaders in a folder: one of ours.
 unit-vk: vk-program
-	@MESA_SHADER_CACHE_DIR=$(CURDIR)/build/vk/shader_cache build/vk/tests $(T)
+	@MESA_SHADER_CACHE_DIR=$(CURDIR)/build/vk/shader_cache tests/checks/unit_vk.sh build/vk/tests $(or $(T),$(VK_SUBJECTS))
 test-asan: asan-program
 	@HYDRA_TEST_QUICK=1 ASAN_OPTIONS=detect_leaks=1 UBSAN_OPTIONS=print_stacktrace=1 build/asan/tests $(T)
 test-tsan: $(if $(TSAN_SUBJECTS),tsan-program)

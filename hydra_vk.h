@@ -132,7 +132,8 @@ HYDRA_API hydra_result hydra_vk_create(const hydra_context_desc *desc, const hyd
    HYDRA_ERROR_DEVICE_LOST    the driver gave the device up. The context, and every call that needs the device, will go on
                               saying so; what was rendered can still be read and saved, scenes are intact. Destroy it and
                               make another
-   After the first two the context is as usable as before. */
+   After the first two the context is as usable as before. Ray queries give these codes too, and HYDRA_ERROR_OUT_OF_MEMORY
+   where the host's allocator refuses; they write no text. */
 
 typedef struct hydra_vk_info {
     char name[VK_MAX_PHYSICAL_DEVICE_NAME_SIZE];
