@@ -142,8 +142,9 @@ typedef struct hydra_vk_info {
     uint32_t pipelines;              /* made so far: kernels times sets of requirements */
     double seconds_start;            /* loader, instance and device */
     double seconds_pipelines;        /* making them; part of hydra_render_create, and of the first ray query */
-    uint64_t submissions;
-    double slice_mean, slice_longest; /* seconds that those took that traced paths or cast rays */
+    uint64_t submissions;            /* to the queue, in all */
+    uint64_t slices;                 /* those that traced paths or cast rays */
+    double slice_mean, slice_longest; /* seconds that slices took */
     uint32_t validation_messages;
     bool lost;
 } hydra_vk_info;
@@ -26420,6 +26421,7 @@ HYDRA_API hydra_result hydra_vk_get_info(const hydra_context *context, hydra_vk_
     info->seconds_start = vk->seconds_start;
     info->seconds_pipelines = vk->seconds_pipelines;
     info->submissions = vk->submissions;
+    info->slices = vk->slices;
     info->slice_mean = vk->slices ? vk->slice_total / (double)vk->slices : 0.0;
     info->slice_longest = vk->slice_longest;
     info->validation_messages = (uint32_t)hyi_atomic_load(&vk->validation_messages);

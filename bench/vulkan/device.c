@@ -22,7 +22,7 @@ void device_forget_slices(hydra_context *context) {
     hyi_vk *vk = context->device;
     if (!vk) return;
     hyi_vk_acquire(&vk->shared);
-    vk->submissions = 0;
+    vk->slices = 0;
     vk->slice_total = vk->slice_longest = 0.0;
     hyi_vk_release(&vk->shared);
 }
@@ -116,10 +116,15 @@ static bool meets_triangle(walker *w, const hyk_slot *slot) {
     return true;
 }
 
+/* What a node says of the child at a place: its 16 bits, and the numbers they count from. */
+static uint32_t field_of(const uint32_t *node, uint32_t place) {
+    return node[HYK_NODE_LINKS + place / 4 * 4 + 2 + place / 2 % 2] >> 16 * (place % 2) & 0xffffu;
+}
+
 /* Whether a walk for anything is over. */
-static bool walk_leaf(walker *w, const uint32_t *node, uint32_t place) {
-    uint32_t leaf = node[HYK_NODE_LEAVES + place / 2] >> 16 * (place % 2) & 0xffffu, first = node[HYK_NODE_SLOTS] + (leaf & 255u);
-    for (uint32_t i = 0; i < leaf >> 8; i++) {
+static bool walk_leaf(walker *w, const uint32_t *node, uint32_t field) {
+    uint32_t first = node[HYK_NODE_LINKS + 1] + (field & 255u);
+    for (uint32_t i = 0; i < field >> 8; i++) {
         w->slots_met++;
         if (meets_triangle(w, &w->slots[first + i]) && w->any) return true;
     }
@@ -129,15 +134,14 @@ static bool walk_leaf(walker *w, const uint32_t *node, uint32_t place) {
 /* As on the device, which children a node's ray meets is settled when the node is met, not when the child is taken. */
 static bool walk_node(walker *w, uint32_t index) {
     const uint32_t *node = w->nodes + (size_t)HYK_NODE_WORDS * index;
-    uint32_t inner = node[HYK_NODE_STEPS] >> 24, met = 0;
+    uint32_t met = 0;
     w->nodes_met++;
     for (uint32_t place = 0; place < HYI_WIDTH; place++)
-        if ((node[HYK_NODE_OCCUPIED] >> place & 1u) && meets_child(w, node, place)) met |= 1u << place;
+        if ((node[HYK_NODE_STEPS] >> (24 + place) & 1u) && meets_child(w, node, place)) met |= 1u << place;
     for (uint32_t turn = HYI_WIDTH; turn-- > 0;) {
-        uint32_t place = turn ^ w->octant, before = 0;
+        uint32_t place = turn ^ w->octant, field = field_of(node, place);
         if (!(met >> place & 1u)) continue;
-        for (uint32_t p = 0; p < place; p++) before += inner >> p & 1u;
-        if (inner >> place & 1u ? walk_node(w, node[HYK_NODE_CHILDREN] + before) : walk_leaf(w, node, place)) return true;
+        if (field >> 8 ? walk_leaf(w, node, field) : walk_node(w, node[HYK_NODE_LINKS] + field)) return true;
     }
     return false;
 }

@@ -213,17 +213,17 @@ hydra_vk_info side_info(const side *one) {
 
 double side_busy_seconds(const side *one) {
     hydra_vk_info info = side_info(one);
-    return info.slice_mean * (double)info.submissions;
+    return info.slice_mean * (double)info.slices;
 }
 
 void slices_add(slices *sum, const side *one) {
     hydra_vk_info info = side_info(one);
-    sum->count += info.submissions;
-    sum->seconds += info.slice_mean * (double)info.submissions;
+    sum->count += info.slices;
+    sum->seconds += info.slice_mean * (double)info.slices;
     if (info.slice_longest > sum->longest) sum->longest = info.slice_longest;
 }
 
 void slices_print(const slices *sum) {
-    printf("%llu submissions once warm, slice mean %.2f ms, longest %.2f\n", (unsigned long long)sum->count,
+    printf("%llu slices once warm, mean %.2f ms, longest %.2f\n", (unsigned long long)sum->count,
            sum->count ? 1e3 * sum->seconds / (double)sum->count : 0.0, 1e3 * sum->longest);
 }

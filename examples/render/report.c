@@ -36,8 +36,8 @@ static void print_device(hydra_context *context) {
     hydra_vk_info info;
     if (hydra_vk_get_info(context, &info) != HYDRA_OK) return;
     printf("device         %12.1f   MiB at most on %s\n", mebibytes((double)info.bytes_peak), info.name);
-    printf("pipelines      %12u   made in %.2f s; start %.2f s; %llu submissions of %.1f ms, longest %.1f\n", info.pipelines, info.seconds_pipelines,
-           info.seconds_start, (unsigned long long)info.submissions, 1e3 * info.slice_mean, 1e3 * info.slice_longest);
+    printf("pipelines      %12u   made in %.2f s; start %.2f s; %llu slices of %.1f ms, longest %.1f\n", info.pipelines, info.seconds_pipelines,
+           info.seconds_start, (unsigned long long)info.slices, 1e3 * info.slice_mean, 1e3 * info.slice_longest);
 }
 
 static void print_memory(hydra_context *context, const hydra_status *status) {

@@ -140,8 +140,9 @@ typedef struct hydra_vk_info {
     uint32_t pipelines;              /* made so far: kernels times sets of requirements */
     double seconds_start;            /* loader, instance and device */
     double seconds_pipelines;        /* making them; part of hydra_render_create, and of the first ray query */
-    uint64_t submissions;
-    double slice_mean, slice_longest; /* seconds that those took that traced paths or cast rays */
+    uint64_t submissions;            /* to the queue, in all */
+    uint64_t slices;                 /* those that traced paths or cast rays */
+    double slice_mean, slice_longest; /* seconds that slices took */
     uint32_t validation_messages;
     bool lost;
 } hydra_vk_info;

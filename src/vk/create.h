@@ -122,6 +122,7 @@ HYDRA_API hydra_result hydra_vk_get_info(const hydra_context *context, hydra_vk_
     info->seconds_start = vk->seconds_start;
     info->seconds_pipelines = vk->seconds_pipelines;
     info->submissions = vk->submissions;
+    info->slices = vk->slices;
     info->slice_mean = vk->slices ? vk->slice_total / (double)vk->slices : 0.0;
     info->slice_longest = vk->slice_longest;
     info->validation_messages = (uint32_t)hyi_atomic_load(&vk->validation_messages);
