@@ -28,9 +28,9 @@ WHAT IT DOES NOT
   It draws nothing on a screen, and uses no hardware ray tracing units. A picture is made by one device.
 
 REQUIREMENTS (checked by hydra_vk_create, which names what is missing)
-  Vulkan 1.2; a queue with compute; shaderFloat64; subgroup ballot in compute shaders; 31 storage buffers a stage and 64
-  bytes of push constants. No buffer of a scene may be larger than maxStorageBufferRange (lavapipe: 128 MiB): a
-  triangle takes 48 bytes in the largest one, times what spatial splits add, so some 2 million triangles there.
+  Vulkan 1.2; a queue with compute; shaderFloat64; subgroup ballot in compute shaders; 31 storage buffers a stage. No
+  buffer of a scene may be larger than maxStorageBufferRange (lavapipe: 128 MiB): a triangle takes 48 bytes in the
+  largest one, times what spatial splits add (at most 1.4), so some 2 million triangles there.
 
 EQUALITY
   Hits are decided in double precision on a device as on the processor: t, u, v and ids are equal to the bit on devices
@@ -119,7 +119,8 @@ HYDRA_API hydra_result hydra_vk_list_devices(const hydra_vk_desc *desc, hydra_vk
 
 /* A context that renders on a device. Both descs may be NULL. *context is NULL on failure:
    HYDRA_ERROR_DEVICE            no loader, no device that was asked for, or it lacks something (named)
-   HYDRA_ERROR_OUT_OF_MEMORY, _MEMORY_CAP, _THREADS, _ISA    as hydra_create
+   HYDRA_ERROR_ISA               the instruction set asked for is not there
+   HYDRA_ERROR_OUT_OF_MEMORY     whatever else makes hydra_create fail, or memory of the host
    HYDRA_ERROR_DEVICE_MEMORY     the device has none
    The context's threads add up samples and build trees; pipelines are made when a render first needs them. */
 HYDRA_API hydra_result hydra_vk_create(const hydra_context_desc *desc, const hydra_vk_desc *vk, hydra_context **context);
