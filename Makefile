@@ -111,11 +111,12 @@ SUBJECTS := $(filter-out vk_%,$(ALL_SUBJECTS))
 # On Vulkan: tests of the API, by the same source, and those about Vulkan alone. Not those that look inside the
 # implementation, which is the processor's, nor
 #   helpers     which makes no context
+#   determinism a minute on lavapipe; vk_slices holds devices to the same bits for any slices, steps, threads, films
 #   memory      whose ray queries never fail; vk_limits fails every allocation and every call of a device context
 #   statistics  hundreds of pictures for the coverage of error bars, which the host makes; minutes on lavapipe
 #   sensors     minutes on lavapipe, for its many samples; vk_equal holds every sensor against the processor's
 INSIDE := $(patsubst tests/test_%.c,%,$(shell grep -lE '^\# *define HYDRA_IMPLEMENTATION' $(SUBJECTS:%=tests/test_%.c)))
-VK_SUBJECTS := $(filter-out $(INSIDE) helpers memory statistics sensors,$(ALL_SUBJECTS))
+VK_SUBJECTS := $(filter-out $(INSIDE) helpers determinism memory statistics sensors,$(ALL_SUBJECTS))
 # Those that start threads: the words by which a test asks for them.
 TSAN_SUBJECTS := $(or $(TSAN_SUBJECTS),$(patsubst tests/test_%.c,%,$(sort \
 	$(shell grep -lE 'ht_open_threads|[.>]threads *=|pthread_create|parallel_for' $(SUBJECTS:%=tests/test_%.c)))))

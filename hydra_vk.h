@@ -25666,11 +25666,6 @@ HYI_FN hydra_result hyi_vk_commit(hydra_scene *scene, uint32_t dirty) {
 #define HYI_VK_GROWTH 4.0                 /* a batch grows by at most that from one to the next */
 #define HYI_VK_FIRST_SHARE 0.5            /* of a slice, for the first round of a batch */
 
-typedef struct hyi_vk_unit {
-    uint32_t tile;
-    hyk_unit unit;
-} hyi_vk_unit;
-
 /* What the time between two marks was spent on. */
 typedef enum hyi_vk_phase { HYI_VK_GENERATE, HYI_VK_INTERSECT, HYI_VK_SHADE, HYI_VK_SHADOW, HYI_VK_REST, HYI_VK_PHASES } hyi_vk_phase;
 
@@ -25679,7 +25674,8 @@ typedef struct hyi_vk_batch {
     hyi_vk_set set;
     hyi_vk_buffer buffers[HYK_PASS_BINDINGS]; /* PICTURE and SENSOR are the render's */
     hyi_vk_buffer told_counts, told_radiance, told_extras; /* what the host reads; the last two where it does not see the device's memory */
-    hyi_vk_unit *units;
+    hyk_unit *units;
+    uint32_t *tiles; /* of each unit */
     uint32_t unit_count;
     int64_t first_taken; /* of the schedule's round */
     bool traced, reading;
@@ -25772,6 +25768,7 @@ HYI_FN hydra_result hyi_vk_make_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     hyi_vk *vk = r->vk;
     hyi_vk_buffer bound[HYK_PASS_BINDINGS];
     HYI_TRY(hyi_alloc_array(vk->context, &b->units, r->units_most));
+    HYI_TRY(hyi_alloc_array(vk->context, &b->tiles, r->units_most));
     HYI_TRY(hyi_vk_make_commands(vk, &b->commands));
     HYI_TRY(hyi_vk_make_buffer(vk, &b->buffers[HYK_BINDING_UNITS], HYI_VK_DEVICE, r->units_most * sizeof(hyk_unit), "units"));
     HYI_TRY(hyi_vk_make_buffer(vk, &b->buffers[HYK_BINDING_COUNTS], HYI_VK_DEVICE, sizeof(hyk_counts), "counts"));
@@ -25877,6 +25874,7 @@ HYI_FN void hyi_vk_free_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     hyi_vk_free_buffer(r->vk, &b->told_extras);
     hyi_vk_free_commands(r->vk, &b->commands);
     hyi_free_array(r->vk->context, &b->units, r->units_most);
+    hyi_free_array(r->vk->context, &b->tiles, r->units_most);
 }
 
 HYI_FN void hyi_vk_end_render(hydra_render *render) {
@@ -25923,9 +25921,7 @@ HYI_FN void hyi_vk_record_arguments(hyi_vk_render *r, hyi_vk_batch *b) {
 }
 
 HYI_FN void hyi_vk_record_first(hyi_vk_render *r, hyi_vk_batch *b) {
-    hyk_unit units[HYI_VK_UNITS_MOST];
-    for (uint32_t i = 0; i < b->unit_count; i++) units[i] = b->units[i].unit;
-    r->vk->f.CmdUpdateBuffer(b->commands.buffer, b->buffers[HYK_BINDING_UNITS].buffer, 0, b->unit_count * sizeof(hyk_unit), units);
+    r->vk->f.CmdUpdateBuffer(b->commands.buffer, b->buffers[HYK_BINDING_UNITS].buffer, 0, b->unit_count * sizeof *b->units, b->units);
     r->vk->f.CmdFillBuffer(b->commands.buffer, b->buffers[HYK_BINDING_COUNTS].buffer, 0, VK_WHOLE_SIZE, 0);
     hyi_vk_end_phase(r, b, HYI_VK_REST);
     hyi_vk_pass(r, b, r->first, (b->unit_count * r->lanes_of_unit + HYK_GROUP - 1) / HYK_GROUP, 0, HYI_VK_GENERATE);
@@ -25993,8 +25989,8 @@ HYI_FN bool hyi_vk_take_units(hydra_render *render, hyi_vk_render *r, hyi_vk_bat
     for (; at < units && b->unit_count < r->units_now; at++) {
         uint32_t slot = (uint32_t)(at % s->active_count), chunk = s->base[slot] + (uint32_t)(at / s->active_count);
         if (chunk >= target) continue;
-        b->units[b->unit_count].tile = s->active[slot];
-        b->units[b->unit_count++].unit = hyi_describe_unit(render, s->active[slot], chunk);
+        b->tiles[b->unit_count] = s->active[slot];
+        b->units[b->unit_count++] = hyi_describe_unit(render, s->active[slot], chunk);
     }
     hyi_atomic_store(&s->next, at);
     return b->unit_count > 0;
@@ -26056,13 +26052,13 @@ HYI_FN void hyi_vk_unpack_lane(hyi_lane *lane, const hyk_lane_radiance *radiance
 HYI_FN void hyi_vk_add_unit(hydra_render *render, const hyi_vk_render *r, const hyi_vk_batch *b, uint32_t index, uint32_t worker) {
     const hyi_vk_buffer *radiance = b->told_radiance.buffer ? &b->told_radiance : &b->buffers[HYK_BINDING_RADIANCE];
     const hyi_vk_buffer *extras = b->told_extras.buffer ? &b->told_extras : &b->buffers[HYK_BINDING_EXTRAS];
-    const hyi_vk_unit *u = &b->units[index];
+    const hyk_unit *unit = &b->units[index];
     size_t first = (size_t)index * r->lanes_of_unit;
-    uint32_t lanes = render->film.tile_pixels * u->unit.samples;
+    uint32_t lanes = render->film.tile_pixels * unit->samples;
     hyi_lane *to = render->batches[worker].lanes;
     for (uint32_t i = 0; i < lanes; i++)
         hyi_vk_unpack_lane(&to[i], (const hyk_lane_radiance *)radiance->mapped + first + i, r->has_extras ? (const hyk_lane_extra *)extras->mapped + first + i : NULL);
-    hyi_accumulate(render, u->tile, &u->unit, to);
+    hyi_accumulate(render, b->tiles[index], unit, to);
     uint64_t used = 0;
     for (uint32_t i = 0; i < lanes; i++) used += to[i].flags & HYK_LANE_USED;
     if (render->picture.kernel.camera.kind != HYK_SENSOR_POINTS) render->batches[worker].counters.rays_camera += used;
