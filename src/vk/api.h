@@ -100,8 +100,8 @@ typedef struct hydra_vk_desc {
 
     bool validation;                  /* turns on VK_LAYER_KHRONOS_validation with synchronization validation in an
                                          instance the library makes; messages go to hydra_context_desc.log */
-    double slice_seconds;             /* no submission shall take longer; default 0.03. One workgroup's share of a tile
-                                         is the least there can be */
+    double slice_seconds;             /* what a submission aims to take at most; default 0.03. From speeds seen so far, so
+                                         some take longer; 8 samples of a tile, one scattering, is the least there can be */
     size_t memory_cap;                /* bytes of device memory; default: none */
     /* What hydra_vk_save_pipelines gave, on whatever device: it is used where it fits. Read during the call. */
     const void *pipeline_cache;

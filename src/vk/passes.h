@@ -30,7 +30,7 @@ typedef struct hyi_vk_batch {
     uint32_t unit_count;
     int64_t first_taken; /* of the schedule's round */
     bool traced, reading;
-    uint64_t rays;       /* until its last submission */
+    double seconds;      /* of its submissions so far */
     hyi_vk_phase phases[HYI_VK_MARKS_MOST]; /* phases[i] ends at mark i + 1 */
 } hyi_vk_batch;
 
@@ -314,9 +314,12 @@ HYI_FN uint32_t hyi_vk_rounds_for(const hyi_vk_render *r, double paths) {
     return rounds < 1.0 ? 1u : rounds > HYI_VK_ROUNDS_MOST ? HYI_VK_ROUNDS_MOST : (uint32_t)rounds;
 }
 
-HYI_FN void hyi_vk_learn_speed(hyi_vk_render *r, double rays, double seconds) {
-    if (!(rays > 0.0 && seconds > 0.0)) return;
-    double speed = rays / seconds;
+/* From whole batches: their last submissions have so few rays that their speed alone says nothing. */
+HYI_FN void hyi_vk_learn_speed(hyi_vk_render *r, const hyi_vk_batch *b) {
+    const hyk_counts *counts = (const hyk_counts *)b->told_counts.mapped;
+    double rays = (double)counts->rays_path + (double)counts->rays_shadow;
+    if (!(rays > 0.0 && b->seconds > 0.0)) return;
+    double speed = rays / b->seconds;
     r->rays_a_second = r->rays_a_second > 0.0 ? 0.5 * (r->rays_a_second + speed) : speed;
 }
 
@@ -350,7 +353,7 @@ HYI_FN bool hyi_vk_take_units(hydra_render *render, hyi_vk_render *r, hyi_vk_bat
 HYI_FN hydra_result hyi_vk_start_batch(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
     double lanes = (double)b->unit_count * r->lanes_of_unit;
     b->traced = b->reading = false;
-    b->rays = 0;
+    b->seconds = 0.0;
     return hyi_vk_submit_rounds(render, r, b, true, hyi_vk_rounds_for(r, lanes));
 }
 
@@ -375,10 +378,8 @@ HYI_FN hydra_result hyi_vk_advance(hydra_render *render, hyi_vk_render *r, hyi_v
         return HYDRA_OK;
     }
     const hyk_counts *counts = (const hyk_counts *)b->told_counts.mapped;
-    uint64_t rays = (uint64_t)counts->rays_path + counts->rays_shadow;
     hyi_vk_keep_times(render, r, b);
-    hyi_vk_learn_speed(r, (double)(rays - b->rays), seconds);
-    b->rays = rays;
+    b->seconds += seconds;
     if (counts->paths) return hyi_vk_submit_rounds(render, r, b, false, hyi_vk_rounds_for(r, counts->paths));
     if (b->told_radiance.buffer) return hyi_vk_submit_reading(r, b);
     b->traced = true;
@@ -445,6 +446,7 @@ HYI_FN void hyi_vk_add_batch(hydra_render *render, hyi_vk_render *r, hyi_vk_batc
     c->rays_shadow += counts->rays_shadow;
     b->unit_count = 0;
     b->traced = false;
+    hyi_vk_learn_speed(r, b);
     hyi_vk_resize_batches(r);
 }
 
@@ -456,7 +458,6 @@ HYI_FN void hyi_vk_give_back(hydra_render *render, hyi_vk_render *r, uint32_t ol
     for (uint32_t i = HYI_VK_BATCHES; i-- > 0;) {
         hyi_vk_batch *b = &r->batches[(oldest + i) % HYI_VK_BATCHES];
         if (b->commands.in_flight) (void)hyi_vk_wait(r->vk, &b->commands, &seconds);
-        b->commands.in_flight = false;
         if (b->unit_count) hyi_atomic_store(&render->schedule.next, b->first_taken);
         b->unit_count = 0;
         b->traced = b->reading = false;
