@@ -155,6 +155,8 @@ HYK_FN hyk_bsdf_sample hyk_sample_lobe(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo
                                        hyk_lobe_shares q, hyk_uint features) {
     hyk_bsdf_sample r = hyk_no_sample(u_lobe);
     hyk_real lo = 0.0f;
+    /* the shares add up to 1 but for rounding: no number lies beyond the last of them */
+    u_lobe = hyk_min(u_lobe, (q.facets + q.diffuse + q.mirror + q.coat + q.bounce + q.through + q.window) * HYK_BELOW_ONE);
     if (u_lobe < lo + q.facets) {
         r.u_left = hyk_respread(u_lobe, lo, q.facets);
         return hyk_sample_facet(r, bsdf, wo, u, features);

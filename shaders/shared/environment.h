@@ -26,7 +26,8 @@ HYK_FN hyk_vec2 hyk_map_row_range(hyk_uint row, hyk_uint height) {
 /* The environment is turned by its rotation about +Y: what stood at -Z moves towards -X. */
 HYK_FN hyk_map_place hyk_place_on_map(hyk_view view, hyk_vec3 direction) {
     hyk_uint width = HYK_CONSTANTS(view).environment_width, height = HYK_CONSTANTS(view).environment_height;
-    hyk_real turn = (hyk_atan2(direction.x, -direction.z) + HYK_CONSTANTS(view).environment_rotation) * (0.5f * HYK_INV_PI) + 0.5f;
+    /* 0 - z, not -z: at a pole C would tell 0 from -0, devices do not */
+    hyk_real turn = (hyk_atan2(direction.x, 0.0f - direction.z) + HYK_CONSTANTS(view).environment_rotation) * (0.5f * HYK_INV_PI) + 0.5f;
     hyk_real around = hyk_sqrt(direction.x * direction.x + direction.z * direction.z);
     /* acos(y), but precise at the poles */
     hyk_real v = hyk_atan2(around, direction.y) * HYK_INV_PI;

@@ -145,7 +145,7 @@ HYK_FN hyk_surface_sample hyk_sample_sheet(hyk_light light, hyk_vec3 p, hyk_vec2
     if (r.pdf == 0.0f) return r;
     hyk_real share = s.first.solid_angle * r.pdf;
     hyk_view_triangle t = s.first;
-    if (u.x < share) {
+    if (u.x < share || !(s.second.solid_angle > 0.0f)) { /* share of a lone triangle is 1 but for rounding */
         u.x = hyk_respread(u.x, 0.0f, share);
     } else {
         t = s.second;
