@@ -148,6 +148,18 @@ $(eval $(call flavour,tsan,$(CC),$(SANITIZE) -fsanitize=thread,$(TSAN_SUBJECTS))
 
 $(eval $(call flavour,vk,$(CC),$(OPT) -DHT_VULKAN,$(VK_SUBJECTS),hydra_vk.h))
 
+# What test_vk_kernels.c runs on a device, by groups, as arrays of words; and its oracle.
+KERNEL_SOURCES := tests/kernels_list.h $(wildcard shaders/shared/*.h)
+build/vk/kernels_double.o: $(KERNEL_SOURCES)
+build/vk/test_vk_kernels.o: build/vk/kernels_spirv.h
+build/vk/kernels_spirv.h: tests/kernels.comp $(KERNEL_SOURCES) | setup-shaders
+	@mkdir -p $(@D)
+	@for group in 0 1 2 3 4 5 6 7; do \
+		glslangValidator -V --quiet --target-env vulkan1.2 -Ishaders/shared -Itests -DKT_GROUP=$$group $< -o $@.plain >&2 && \
+			spirv-opt -O --target-env=vulkan1.2 $@.plain -o $@.words && spirv-val --target-env vulkan1.2 $@.words || exit 1; \
+		echo "static const uint32_t kernels_spirv_$$group[] = {"; od -An -v -w48 -tu4 $@.words | sed 's/^ *//; s/  */,/g; s/$$/,/'; echo '};'; \
+	done > $@
+
 unit: unit-program
 	@build/unit/tests $(T)
 # Mesa keeps the machine code of shaders in a folder: one of ours.
