@@ -149,7 +149,7 @@ $(eval $(call flavour,tsan,$(CC),$(SANITIZE) -fsanitize=thread,$(TSAN_SUBJECTS))
 $(eval $(call flavour,vk,$(CC),$(OPT) -DHT_VULKAN,$(VK_SUBJECTS),hydra_vk.h))
 
 # What test_vk_kernels.c runs on a device, by groups, as arrays of words; and its oracle.
-KERNEL_SOURCES := tests/kernels_list.h $(wildcard shaders/shared/*.h)
+KERNEL_SOURCES := $(patsubst %,tests/kernels_%.h,list plain seeing) $(wildcard shaders/shared/*.h)
 build/vk/kernels_double.o: $(KERNEL_SOURCES)
 build/vk/test_vk_kernels.o: build/vk/kernels_spirv.h
 build/vk/kernels_spirv.h: tests/kernels.comp $(KERNEL_SOURCES) | setup-shaders

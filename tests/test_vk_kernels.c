@@ -112,7 +112,7 @@ static const rule rules[KT_COUNT] = {
     /* surfaces and paths. The worst: a normal map's slope, as for textures */
     [KT_offset] = {2.2, 8, 100, 0},
     [KT_place] = {1.4, 1.8, 3, 0},
-    [KT_surface] = {11, 32, 130, 5},
+    [KT_surface] = {16, 32, 130, 5},
     [KT_material] = {0.6, 1.2, 3, 5},
     [KT_shadow] = {1.7, 2.2, 3, 0},
     [KT_survival] = {0.4, 0.4, 0.7, 0},
