@@ -233,9 +233,11 @@ HYK_FN hyk_surface_sample hyk_sample_disc_light(hyk_light light, hyk_vec3 p, hyk
     r.pdf = d.height > 0.0f ? hyk_disc_pdf(d, chord) : 0.0f;
     hyk_real h = d.height;
     hyk_real s0 = hyk_sqrt(chord.x * chord.x + h * h), s1 = hyk_sqrt(chord.y * chord.y + h * h);
-    /* s between s0 and s1, uniform in 1 / s; rho^2 = rho0^2 + s^2 - s0^2 */
-    hyk_real s = s0 * s1 / hyk_max(hyk_lerp(s1, s0, place), HYK_C(1e-37));
-    hyk_real rho = hyk_clamp(hyk_safe_sqrt(chord.x * chord.x + (s - s0) * (s + s0)), chord.x, chord.y);
+    /* s between s0 and s1, uniform in 1 / s; rho^2 = rho0^2 + s^2 - s0^2. From afar s0 and s1 are nearly the same, so s - s0
+       comes from the chord: s1 - s0 = (rho1^2 - rho0^2) / (s0 + s1) */
+    hyk_real shrink = s0 / hyk_max(hyk_lerp(s1, s0, place), HYK_C(1e-37)), s = s1 * shrink;
+    hyk_real beyond = shrink * place * ((chord.y - chord.x) * (chord.y + chord.x) / (s0 + s1));
+    hyk_real rho = hyk_clamp(hyk_safe_sqrt(chord.x * chord.x + beyond * (s + s0)), chord.x, chord.y);
     hyk_real side = hyk_dot(hyk_sub(light.position, p), light.normal) < 0.0f ? -1.0f : 1.0f;
     r.offset = hyk_scale(hyk_add_scaled(hyk_scale(direction, rho), light.normal, side * h), d.unit);
     return r;
