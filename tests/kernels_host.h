@@ -5,7 +5,7 @@
 
 #include <stdint.h>
 
-enum { KT_IN_MOST = 40, KT_OUT_MOST = 40 };
+enum { KT_IN_MOST = 40, KT_OUT_MOST = 64 };
 
 /* One case of one kernel. */
 typedef struct kt_case {

@@ -554,6 +554,43 @@ static void in_first_path(input *in) {
     put(in, ht_u32(in->rng) >> below(in, 32));
 }
 
+/* Hits of triangles; in between of lights' own shapes, and of nothing. */
+static void in_shade(input *in) {
+    const hydra_scene *scene = in->scene;
+    bool from_sensor = once_in(in, 4);
+    hyk_vec3 vertex = place(in, 3), d = direction(in);
+    uint32_t kind = below(in, 8), shape = scene->shape_lights[below(in, scene->shape_count)];
+    if (kind == 0) d = towards(in, &scene->view.lights[shape], vertex);
+    put_vec(in, vertex);
+    put_vec(in, d);
+    put_vec(in, hyk_make3(any(in, 0.1f, 1), any(in, 0.1f, 1), any(in, 0.1f, 1)));
+    put_real(in, from_sensor || once_in(in, 4) ? 0 : tens(in, -1, 2));
+    put_vec(in, direction(in));
+    put(in, from_sensor ? HYK_PATH_FROM_SENSOR : ht_u32(in->rng) & 0x17eu);
+    put_vec(in, hyk_make3(any(in, 0.1f, 1), any(in, 0.1f, 1), any(in, 0.1f, 1)));
+    put(in, from_sensor ? 5 : below(in, 6));
+    put_sampler(in);
+    put(in, from_sensor ? 0 : below(in, 10));
+    put_real(in, any(in, 0, 0.1f));
+    put_real(in, tens(in, -4, -1));
+    put_vec(in, vertex);
+    put_real(in, once_in(in, 3) ? any(in, 0.4f, 2.5f) : 1);
+    put_real(in, any(in, 0.5f, 4));
+    if (kind > 1) {
+        uint32_t at = in->count;
+        put_triangle(in); /* instance, triangle, u, v; of a hit they stand in another order */
+        uint32_t words[4];
+        memcpy(words, in->words + at, sizeof words);
+        const uint32_t turned[4] = {words[2], words[3], words[0], words[1]};
+        memcpy(in->words + at, turned, sizeof turned);
+        return;
+    }
+    put_real(in, 0);
+    put_real(in, 0);
+    put(in, kind == 0 ? HYK_HIT_SHAPE : HYK_NONE);
+    put(in, kind == 0 ? shape : HYK_NONE);
+}
+
 #define in_hashes in_whole
 #define in_pair in_whole
 #define in_plan in_whole
