@@ -485,7 +485,10 @@ static void in_light_far(input *in) {
     hyk_vec3 d = direction(in);
     put(in, sun);
     put_lit_point(in);
-    if (sun) d = near_to(in, in->scene->view.lights[c->finite_lights + sun - 1].normal, any(in, 0, 1.5f) * in->scene->view.lights[c->finite_lights + sun - 1].radius);
+    if (sun) {
+        const hyk_light *light = &in->scene->view.lights[c->finite_lights + sun - 1];
+        d = near_to(in, light->normal, any(in, 0, 1.5f) * light->radius);
+    }
     put_vec(in, d);
 }
 

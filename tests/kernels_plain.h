@@ -4,7 +4,8 @@
 
 /* ---- scalars and vectors */
 
-#define KT_VECTOR(X) X(sine) X(sine_of_little) X(arc) X(exponential) X(logarithm) X(power_of_two) X(srgb) X(quotient) X(length) X(products) X(frame) X(little) X(bits)
+#define KT_VECTOR(X) X(sine) X(sine_of_little) X(arc) X(exponential) X(logarithm) X(power_of_two) X(srgb) X(quotient)  \
+    X(length) X(products) X(frame) X(little) X(bits)
 #if KT_IN_GROUP(0)
 KT_KERNEL(sine) {
     hyk_real x = KT_GET(real);
@@ -248,7 +249,8 @@ KT_KERNEL(weights) {
 
 /* ---- interfaces, micro facets, cameras */
 
-#define KT_OPTICS(X) X(dielectric) X(metal) X(schlick) X(mirror) X(facet) X(facet_normal) X(halves) X(lost) X(energy_place) X(film) X(camera_ray) X(callers_ray)
+#define KT_OPTICS(X) X(dielectric) X(metal) X(schlick) X(mirror) X(facet) X(facet_normal) X(halves) X(lost)            \
+    X(energy_place) X(film) X(camera_ray) X(callers_ray)
 #if KT_IN_GROUP(3)
 KT_KERNEL(dielectric) {
     hyk_real c = KT_GET(real);

@@ -168,7 +168,8 @@ KT_KERNEL(bsdf_albedo) {
 
 /* ---- lights */
 
-#define KT_LIGHTS(X) X(light_point) X(light_surface) X(light_density) X(light_sun) X(light_shape) X(light_bound) X(light_pick) X(light_any) X(light_pdf) X(light_far)
+#define KT_LIGHTS(X) X(light_point) X(light_surface) X(light_density) X(light_sun) X(light_shape) X(light_bound)       \
+    X(light_pick) X(light_any) X(light_pdf) X(light_far)
 #if KT_IN_GROUP(6)
 KT_KERNEL(light_point) {
     hyk_light light = KT_GET(light);

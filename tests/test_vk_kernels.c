@@ -228,40 +228,44 @@ static int close_bench(void **state) {
 
 /* ---- running */
 
-/* kernel: its number in the group. */
-static void run_on_device(bench *b, uint32_t g, uint32_t kernel, uint32_t cases) {
-    const uint32_t call[4] = {kernel, cases, KT_IN_MOST, KT_OUT_MOST};
-    VkDescriptorSet sets[2] = {((const hyi_vk_scene *)b->scene->device)->set.set, b->set.set};
-    VkCommandBuffer buffer = b->commands.buffer;
-    hyi_vk *vk = b->vk;
+static void finish(bench *b) {
     double seconds;
-    assert_int_equal(hyi_vk_send(vk, &b->in, b->words, cases * sizeof b->words[0]), HYDRA_OK);
-    memset(b->results, 0xa5, sizeof b->results);
-    assert_int_equal(hyi_vk_send(vk, &b->out, b->results, cases * sizeof b->results[0]), HYDRA_OK);
-    assert_int_equal(hyi_vk_begin(vk, &b->commands), HYDRA_OK);
-    vk->f.CmdBindPipeline(buffer, VK_PIPELINE_BIND_POINT_COMPUTE, b->pipelines[g]);
-    vk->f.CmdBindDescriptorSets(buffer, VK_PIPELINE_BIND_POINT_COMPUTE, vk->layout, 0, 2, sets, 0, NULL);
-    vk->f.CmdPushConstants(buffer, vk->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof call, call);
-    vk->f.CmdDispatch(buffer, (cases + 63) / 64, 1, 1);
-    hyi_vk_barrier(vk, &b->commands);
-    hyi_vk_copy(vk, &b->commands, &b->out, &b->told, cases * sizeof b->results[0]);
-    hyi_vk_barrier_to_host(vk, &b->commands);
-    assert_int_equal(hyi_vk_submit(vk, &b->commands), HYDRA_OK);
-    assert_int_equal(hyi_vk_wait(vk, &b->commands, &seconds), HYDRA_OK);
-    memcpy(b->results, b->told.mapped, cases * sizeof b->results[0]);
+    assert_int_equal(hyi_vk_submit(b->vk, &b->commands), HYDRA_OK);
+    assert_int_equal(hyi_vk_wait(b->vk, &b->commands, &seconds), HYDRA_OK);
 }
 
-/* ---- running shade.comp: a case a lane */
+static void run(bench *b, VkPipeline pipeline, const hyi_vk_set *set, const uint32_t call[4], uint32_t lanes) {
+    VkDescriptorSet sets[2] = {((const hyi_vk_scene *)b->scene->device)->set.set, set->set};
+    VkCommandBuffer buffer = b->commands.buffer;
+    hyi_vk *vk = b->vk;
+    assert_int_equal(hyi_vk_begin(vk, &b->commands), HYDRA_OK);
+    vk->f.CmdBindPipeline(buffer, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    vk->f.CmdBindDescriptorSets(buffer, VK_PIPELINE_BIND_POINT_COMPUTE, vk->layout, 0, 2, sets, 0, NULL);
+    vk->f.CmdPushConstants(buffer, vk->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, 16, call);
+    vk->f.CmdDispatch(buffer, (lanes + HYK_GROUP - 1) / HYK_GROUP, 1, 1);
+    hyi_vk_barrier(vk, &b->commands);
+    finish(b);
+}
 
 static void fetch(bench *b, const hyi_vk_buffer *from, void *to, size_t bytes) {
-    double seconds;
     assert_int_equal(hyi_vk_begin(b->vk, &b->commands), HYDRA_OK);
     hyi_vk_copy(b->vk, &b->commands, from, &b->told, bytes);
     hyi_vk_barrier_to_host(b->vk, &b->commands);
-    assert_int_equal(hyi_vk_submit(b->vk, &b->commands), HYDRA_OK);
-    assert_int_equal(hyi_vk_wait(b->vk, &b->commands, &seconds), HYDRA_OK);
+    finish(b);
     memcpy(to, b->told.mapped, bytes);
 }
+
+/* kernel: its number in the group. */
+static void run_on_device(bench *b, uint32_t g, uint32_t kernel, uint32_t cases) {
+    const uint32_t call[4] = {kernel, cases, KT_IN_MOST, KT_OUT_MOST};
+    memset(b->results, 0xa5, sizeof b->results);
+    assert_int_equal(hyi_vk_send(b->vk, &b->in, b->words, cases * sizeof b->words[0]), HYDRA_OK);
+    assert_int_equal(hyi_vk_send(b->vk, &b->out, b->results, cases * sizeof b->results[0]), HYDRA_OK);
+    run(b, b->pipelines[g], &b->set, call, cases);
+    fetch(b, &b->out, b->results, cases * sizeof b->results[0]);
+}
+
+/* ---- running shade.comp: a case a lane */
 
 typedef struct lanes {
     hyk_path paths[CASES_MOST];
@@ -287,53 +291,53 @@ static void fill_lanes(const bench *b, lanes *l, uint32_t cases) {
     }
 }
 
+#define SHADE_WANTS (HYK_WANTS_COMPONENTS | HYK_WANTS_IRRADIANCE | HYK_WANTS_SURFACE)
+
+/* A buffer of the pass and what is in it. */
+typedef struct part {
+    uint32_t binding;
+    void *data;
+    size_t bytes;
+} part;
+
+static VkPipeline shade_pipeline(bench *b) {
+    hyi_vk_shape shape = {HYI_FEATURES_EVERYTHING, 0, 0, 0, SHADE_WANTS};
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    assert_int_equal(hyi_vk_get_pipeline(b->vk, HYI_VK_KERNEL_shade, &shape, &pipeline), HYDRA_OK);
+    return pipeline;
+}
+
 static void shade_lanes(bench *b, lanes *l) {
-    struct { void *data; size_t bytes; uint32_t binding; } parts[] = {
-        {&l->counts, sizeof l->counts, HYK_BINDING_COUNTS}, {l->queues, sizeof l->queues, HYK_BINDING_QUEUES}, {l->paths, sizeof l->paths, HYK_BINDING_PATHS},
-        {l->hits, sizeof l->hits, HYK_BINDING_HITS}, {l->shadows, sizeof l->shadows, HYK_BINDING_SHADOWS},
-        {l->radiance, sizeof l->radiance, HYK_BINDING_RADIANCE}, {l->extras, sizeof l->extras, HYK_BINDING_EXTRAS}};
-    const hyk_dispatch call = {l->counts.paths, CASES_MOST, CASES_MOST, 0};
-    const uint32_t wants = HYK_WANTS_COMPONENTS | HYK_WANTS_IRRADIANCE | HYK_WANTS_SURFACE;
-    hyi_vk_shape shape = {HYI_FEATURES_EVERYTHING, 0, 0, 0, wants};
-    hyi_vk *vk = b->vk;
+    const uint32_t call[4] = {l->counts.paths, CASES_MOST, CASES_MOST, 0}; /* hyk_dispatch */
     hyk_picture picture;
-    hyi_vk_buffer buffers[HYK_PASS_BINDINGS], of_picture;
-    hyi_vk_set set;
-    VkPipeline pipeline;
-    double seconds;
+    hyi_vk_buffer buffers[HYK_PASS_BINDINGS];
+    hyi_vk_set set = {VK_NULL_HANDLE, VK_NULL_HANDLE};
+    const part parts[] = {{HYK_BINDING_PICTURE, &picture, sizeof picture},
+                          {HYK_BINDING_COUNTS, &l->counts, sizeof l->counts},
+                          {HYK_BINDING_QUEUES, l->queues, sizeof l->queues},
+                          {HYK_BINDING_PATHS, l->paths, sizeof l->paths},
+                          {HYK_BINDING_HITS, l->hits, sizeof l->hits},
+                          {HYK_BINDING_SHADOWS, l->shadows, sizeof l->shadows},
+                          {HYK_BINDING_RADIANCE, l->radiance, sizeof l->radiance},
+                          {HYK_BINDING_EXTRAS, l->extras, sizeof l->extras}};
     memset(&picture, 0, sizeof picture);
-    memset(&of_picture, 0, sizeof of_picture);
     memset(buffers, 0, sizeof buffers);
-    memset(&set, 0, sizeof set);
     picture.settings.strategy = HYK_STRATEGY_MIS;
-    picture.settings.wants = wants;
-    assert_int_equal(hyi_vk_make_buffer(vk, &of_picture, HYI_VK_DEVICE, sizeof picture, "a picture"), HYDRA_OK);
-    assert_int_equal(hyi_vk_send(vk, &of_picture, &picture, sizeof picture), HYDRA_OK);
-    for (uint32_t i = 0; i < HYK_PASS_BINDINGS; i++) buffers[i] = of_picture; /* all but these are bound, not used */
+    picture.settings.wants = SHADE_WANTS;
     for (size_t i = 0; i < HYI_COUNT(parts); i++) {
-        memset(&buffers[parts[i].binding], 0, sizeof buffers[0]);
-        assert_int_equal(hyi_vk_make_buffer(vk, &buffers[parts[i].binding], HYI_VK_DEVICE, parts[i].bytes, "lanes"), HYDRA_OK);
-        assert_int_equal(hyi_vk_send(vk, &buffers[parts[i].binding], parts[i].data, parts[i].bytes), HYDRA_OK);
+        hyi_vk_buffer *buffer = &buffers[parts[i].binding];
+        assert_int_equal(hyi_vk_make_buffer(b->vk, buffer, HYI_VK_DEVICE, parts[i].bytes, "lanes"), HYDRA_OK);
+        assert_int_equal(hyi_vk_send(b->vk, buffer, parts[i].data, parts[i].bytes), HYDRA_OK);
     }
-    assert_int_equal(hyi_vk_make_set(vk, vk->pass_layout, HYK_PASS_BINDINGS, 0, &set), HYDRA_OK);
-    hyi_vk_write_set(vk, &set, buffers, HYK_PASS_BINDINGS);
-    assert_int_equal(hyi_vk_get_pipeline(vk, HYI_VK_KERNEL_shade, &shape, &pipeline), HYDRA_OK);
-    VkDescriptorSet sets[2] = {((const hyi_vk_scene *)b->scene->device)->set.set, set.set};
-    VkCommandBuffer buffer = b->commands.buffer;
-    assert_int_equal(hyi_vk_begin(vk, &b->commands), HYDRA_OK);
-    vk->f.CmdBindPipeline(buffer, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-    vk->f.CmdBindDescriptorSets(buffer, VK_PIPELINE_BIND_POINT_COMPUTE, vk->layout, 0, 2, sets, 0, NULL);
-    vk->f.CmdPushConstants(buffer, vk->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof call, &call);
-    vk->f.CmdDispatch(buffer, (call.lanes + HYK_GROUP - 1) / HYK_GROUP, 1, 1);
-    hyi_vk_barrier(vk, &b->commands);
-    assert_int_equal(hyi_vk_submit(vk, &b->commands), HYDRA_OK);
-    assert_int_equal(hyi_vk_wait(vk, &b->commands, &seconds), HYDRA_OK);
+    buffers[HYK_BINDING_UNITS] = buffers[HYK_BINDING_SENSOR] = buffers[HYK_BINDING_PICTURE]; /* bound, not used */
+    assert_int_equal(hyi_vk_make_set(b->vk, b->vk->pass_layout, HYK_PASS_BINDINGS, 0, &set), HYDRA_OK);
+    hyi_vk_write_set(b->vk, &set, buffers, HYK_PASS_BINDINGS);
+    run(b, shade_pipeline(b), &set, call, l->counts.paths);
     for (size_t i = 0; i < HYI_COUNT(parts); i++) {
         fetch(b, &buffers[parts[i].binding], parts[i].data, parts[i].bytes);
-        hyi_vk_free_buffer(vk, &buffers[parts[i].binding]);
+        hyi_vk_free_buffer(b->vk, &buffers[parts[i].binding]);
     }
-    hyi_vk_free_set(vk, &set);
-    hyi_vk_free_buffer(vk, &of_picture);
+    hyi_vk_free_set(b->vk, &set);
 }
 
 static bool is_in(const uint32_t *queue, uint32_t count, uint32_t lane) {
@@ -490,13 +494,14 @@ static bool compare(measured *m, const truth *t, const kt_case *host, const uint
     return true;
 }
 
-static void fail_case(const char *name, const truth *t, const kt_case *host, const uint32_t *device, uint32_t i, const measured *m, const kernel_rule *rule) {
+static void fail_case(const char *name, const truth *t, const kt_case *host, const uint32_t *device, uint32_t i, const measured *m,
+                      const kernel_rule *rule) {
     for (uint32_t k = 0; k < host->read; k++) print_error("  input %u: %08x %.9g\n", k, host->in[k], (double)hyk_bits_float(host->in[k]));
     for (uint32_t r = 0; r < host->written; r++)
         print_error("  result %u: %.9g in float, %.9g on the device, %.12g is exact, which moves by %.3g, size %.3g\n", r, host->value[r],
                     value_of(t->exact.kind[r], device[r]), t->exact.value[r], t->moves[r], t->exact.size[r]);
-    fail_msg("%s, case %u: a whole number differs, or a real is off by %.4g, on the device by %.4g (bound %.4g); plainly by %.4g and %.4g (bound %.4g)", name, i,
-             m->host.mixed, m->device.mixed, rule->worst, m->host.plain, m->device.plain, rule->plain);
+    fail_msg("%s, case %u: a whole number differs, or a real is off by %.4g, on the device by %.4g (bound %.4g); in ulps by %.4g and %.4g (bound %.4g)",
+             name, i, m->host.mixed, m->device.mixed, rule->worst, m->host.plain, m->device.plain, rule->plain);
 }
 
 static bool is_wrong(const measured *m, const kernel_rule *rule) {
@@ -560,8 +565,8 @@ static void check_kernel(bench *b, uint32_t g, uint32_t number, uint32_t kernel,
     if (g < KT_GROUPS) run_on_device(b, g, number, cases);
     else run_shade(b, cases);
     for (uint32_t i = 0; i < cases; i++) check_case(b, kernel, name, i, &m);
-    print_message("%-15s %6u %6u %5u %5u |%9.3g %9.3g %9.3g |%9.3g %9.3g %6.3g %6.3g\n", name, m.wholes, m.reals, m.undecided, m.loose, m.host.plain,
-                  m.device.plain, rule->plain, m.host.mixed, m.device.mixed, rule->mixed, rule->worst);
+    print_message("%-15s %6u %6u %5u %5u |%9.3g %9.3g %9.3g |%9.3g %9.3g %6.3g %6.3g\n", name, m.wholes, m.reals, m.undecided, m.loose,
+                  m.host.plain, m.device.plain, rule->plain, m.host.mixed, m.device.mixed, rule->mixed, rule->worst);
     if (1000 * m.undecided > cases * rule->undecided) fail_msg("%s: %u of %u cases are undecided", name, m.undecided, cases);
     if (100 * m.loose > cases) fail_msg("%s: %u of %u cases are off by more than %.4g", name, m.loose, cases, rule->mixed);
 }
@@ -589,7 +594,8 @@ int hydra_test_vk_kernels(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_vectors), cmocka_unit_test(test_whole_numbers), cmocka_unit_test(test_warps),
         cmocka_unit_test(test_optics),  cmocka_unit_test(test_images),        cmocka_unit_test(test_scattering),
-        cmocka_unit_test(test_lights),  cmocka_unit_test(test_surfaces_and_paths), cmocka_unit_test(test_shading),
+        cmocka_unit_test(test_lights),  cmocka_unit_test(test_surfaces_and_paths),
+        cmocka_unit_test(test_shading),
     };
     return cmocka_run_group_tests_name("vk_kernels", tests, open_bench, close_bench);
 }
