@@ -3689,6 +3689,8 @@ HYK_FN hyk_bsdf_sample hyk_sample_lobe(hyk_view view, hyk_bsdf bsdf, hyk_vec3 wo
                                        hyk_lobe_shares q, hyk_uint features) {
     hyk_bsdf_sample r = hyk_no_sample(u_lobe);
     hyk_real lo = 0.0f;
+    /* the shares add up to 1 but for rounding: no number lies beyond the last of them */
+    u_lobe = hyk_min(u_lobe, (q.facets + q.diffuse + q.mirror + q.coat + q.bounce + q.through + q.window) * HYK_BELOW_ONE);
     if (u_lobe < lo + q.facets) {
         r.u_left = hyk_respread(u_lobe, lo, q.facets);
         return hyk_sample_facet(r, bsdf, wo, u, features);
@@ -3925,7 +3927,7 @@ HYK_FN hyk_surface_sample hyk_sample_sheet(hyk_light light, hyk_vec3 p, hyk_vec2
     if (r.pdf == 0.0f) return r;
     hyk_real share = s.first.solid_angle * r.pdf;
     hyk_view_triangle t = s.first;
-    if (u.x < share) {
+    if (u.x < share || !(s.second.solid_angle > 0.0f)) { /* share of a lone triangle is 1 but for rounding */
         u.x = hyk_respread(u.x, 0.0f, share);
     } else {
         t = s.second;
@@ -4013,9 +4015,11 @@ HYK_FN hyk_surface_sample hyk_sample_disc_light(hyk_light light, hyk_vec3 p, hyk
     r.pdf = d.height > 0.0f ? hyk_disc_pdf(d, chord) : 0.0f;
     hyk_real h = d.height;
     hyk_real s0 = hyk_sqrt(chord.x * chord.x + h * h), s1 = hyk_sqrt(chord.y * chord.y + h * h);
-    /* s between s0 and s1, uniform in 1 / s; rho^2 = rho0^2 + s^2 - s0^2 */
-    hyk_real s = s0 * s1 / hyk_max(hyk_lerp(s1, s0, place), HYK_C(1e-37));
-    hyk_real rho = hyk_clamp(hyk_safe_sqrt(chord.x * chord.x + (s - s0) * (s + s0)), chord.x, chord.y);
+    /* s between s0 and s1, uniform in 1 / s; rho^2 = rho0^2 + s^2 - s0^2. From afar s0 and s1 are nearly the same, so s - s0
+       comes from the chord: s1 - s0 = (rho1^2 - rho0^2) / (s0 + s1) */
+    hyk_real shrink = s0 / hyk_max(hyk_lerp(s1, s0, place), HYK_C(1e-37)), s = s1 * shrink;
+    hyk_real beyond = shrink * place * ((chord.y - chord.x) * (chord.y + chord.x) / (s0 + s1));
+    hyk_real rho = hyk_clamp(hyk_safe_sqrt(chord.x * chord.x + beyond * (s + s0)), chord.x, chord.y);
     hyk_real side = hyk_dot(hyk_sub(light.position, p), light.normal) < 0.0f ? -1.0f : 1.0f;
     r.offset = hyk_scale(hyk_add_scaled(hyk_scale(direction, rho), light.normal, side * h), d.unit);
     return r;
@@ -4137,7 +4141,8 @@ HYK_FN hyk_vec2 hyk_map_row_range(hyk_uint row, hyk_uint height) {
 /* The environment is turned by its rotation about +Y: what stood at -Z moves towards -X. */
 HYK_FN hyk_map_place hyk_place_on_map(hyk_view view, hyk_vec3 direction) {
     hyk_uint width = HYK_CONSTANTS(view).environment_width, height = HYK_CONSTANTS(view).environment_height;
-    hyk_real turn = (hyk_atan2(direction.x, -direction.z) + HYK_CONSTANTS(view).environment_rotation) * (0.5f * HYK_INV_PI) + 0.5f;
+    /* 0 - z, not -z: at a pole C would tell 0 from -0, devices do not */
+    hyk_real turn = (hyk_atan2(direction.x, 0.0f - direction.z) + HYK_CONSTANTS(view).environment_rotation) * (0.5f * HYK_INV_PI) + 0.5f;
     hyk_real around = hyk_sqrt(direction.x * direction.x + direction.z * direction.z);
     /* acos(y), but precise at the poles */
     hyk_real v = hyk_atan2(around, direction.y) * HYK_INV_PI;
@@ -7967,7 +7972,10 @@ HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions
    ray that starts exactly in the plane of a triangle gets t 0, and one that starts off it by a rounding of
    float gets the right sign; where a far origin leaves the sheared corners coarse, it is kept between t at the corners, so
    that a hit never lies outside of its box. Every rounding in it is pinned, so no compiler flag or instruction set changes
-   a bit. */
+   a bit.
+
+   Of most triangles float can also tell that they are hit, and where about (hyi_judge_triangles): such a hit ends a ray that
+   asks for any, and otherwise is put off, and worked out only if none that is certainly nearer comes after it. */
 #ifndef HYI_BVH_TRIANGLE_H
 #define HYI_BVH_TRIANGLE_H
 
@@ -7976,6 +7984,11 @@ HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
 #define HYI_STEADY 8.67361737988403547e-19f  /* 2^-60: the smallest direction component */
 
+/* Bounds of what float gets wrong: see hyi_judge_triangles. */
+#define HYI_EDGE_NOISE 3.814697265625e-06f /* 2^-18 */
+#define HYI_EDGE_LEAST 1.0e-30f
+#define HYI_T_NOISE 9.5367431640625e-07f   /* 2^-20 */
+
 #define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
 
 /* A ray in the units of one tree. t here times unit is t of the ray. Planes are met at t = plane * inverse + offset. */
@@ -7983,14 +7996,20 @@ typedef struct hyi_aim {
     float inverse[3];                     /* of the direction; finite */
     float near_offset[3], far_offset[3];  /* of the origin moved by the error bound: slabs only get thicker */
     float t_near, t_far;
-    float origin[3], shear[2];            /* in the order of axis */
-    float inverse_z;                      /* t here by distance along z */
-    float direction[3];                   /* in the order of axis */
-    uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
     uint32_t near_plane[3];               /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
+    float inverse_z;                      /* t here by distance along z */
+    float least_t;                        /* no less is t of the nearest hit so far, where unit is 1 */
+    float origin[3], shear[2];            /* in the order of axis */
+    uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
+    float direction[3];                   /* in the order of axis */
+    uint32_t leaf, lane;                  /* a triangle that is certainly hit before all others so far, but not worked out yet; leaf 0: none */
+    uint32_t unused[3];                   /* fills the second cache line */
     double t_by_z;                        /* inverse_z unrounded */
     double unit, inverse_unit;
 } hyi_aim;
+
+/* A cache line for boxes, one for triangles, and what only a closer look needs. */
+HYI_STATIC_ASSERT(offsetof(hyi_aim, least_t) == 60 && offsetof(hyi_aim, origin) == 64 && offsetof(hyi_aim, leaf) == 108 && offsetof(hyi_aim, t_by_z) == 128);
 
 /* What a triangle must beat, and the answer. */
 typedef struct hyi_best {
@@ -8216,7 +8235,8 @@ typedef struct hyi_flight {
     hyi_aim aim;
     hyi_best best;
     float t_min;
-    const hyk_ray *ray; /* in world space */
+    uint32_t unused[2]; /* fills the third cache line */
+    const hyk_ray *ray;  /* in world space */
 } hyi_flight;
 
 /* A ray that may lie in memory as another type of the same layout. */
@@ -8296,7 +8316,7 @@ HYI_NOINLINE bool hyi_lets_pass(const hyi_site *site, const hyk_ray *ray, uint32
 }
 
 /* Decides on one triangle of a leaf. Returns whether it is the new best. */
-HYI_INLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
     float weights[2] = {0.0f, 0.0f};
     float t = hyi_confirm(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), lane, flight->t_min, flight->best.t, weights);
     if (t == HYI_NO_HIT) return false;
@@ -8308,7 +8328,34 @@ HYI_INLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t lea
     flight->best.v = weights[1];
     flight->best.instance = site->instance;
     flight->best.primitive = primitive;
+    flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
+    return true;
+}
+
+/* Works out the hit that was put off. */
+HYI_INLINE void hyi_settle(const hyi_site *site, hyi_flight *flight) {
+    uint32_t leaf = flight->aim.leaf;
+    if (leaf == 0) return;
+    flight->aim.leaf = 0;
+    (void)hyi_decide(site, flight, leaf, flight->aim.lane);
+}
+
+/* hyi_decide, after what was put off. */
+HYI_NOINLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    hyi_settle(site, flight);
+    return hyi_decide(site, flight, leaf, lane);
+}
+
+/* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
+   and else decides. Most hits are so never worked out: one nearer comes. */
+HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most) {
+    if (most >= flight->aim.least_t) return hyi_offer(site, flight, leaf, lane);
+    flight->aim.leaf = leaf;
+    flight->aim.lane = lane;
+    flight->aim.least_t = least;
+    flight->best.instance = site->instance;
+    hyi_aim_limit(&flight->aim, most);
     return true;
 }
 
@@ -8332,6 +8379,8 @@ HYI_INLINE bool hyi_flight_begin(hyi_flight *flight, const hyi_bvh *bvh, const h
     flight->best.t = hyi_finite_limit(ray.t_max < limit ? ray.t_max : limit);
     flight->best.u = flight->best.v = 0.0f;
     flight->best.instance = flight->best.primitive = HYK_NONE;
+    flight->aim.least_t = flight->best.t;
+    flight->aim.leaf = flight->aim.lane = 0;
     if (bvh->primitive_count == 0 || !hyi_ray_is_sound(&ray) || !(ray.t_min <= flight->best.t)) return false;
     return hyi_aim_at(&flight->aim, bvh, origin, direction, ray.t_min, flight->best.t, bvh->rows == NULL);
 }
@@ -8394,6 +8443,8 @@ HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, c
     below->ray = above->ray;
     below->t_min = above->t_min;
     below->best = above->best;
+    below->aim.least_t = above->best.t;
+    below->aim.leaf = below->aim.lane = 0;
     return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, above->best.t, false);
 }
 
@@ -8431,7 +8482,7 @@ typedef struct hyi_visit_of {
 #ifndef HYI_BVH_STREAM_H
 #define HYI_BVH_STREAM_H
 
-#define HYI_STREAM_RAYS 4096u    /* on their way at a time */
+#define HYI_STREAM_RAYS 2048u    /* on their way at a time */
 #define HYI_STREAM_SORTED 65536u /* sorted by direction at a time */
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
@@ -8459,6 +8510,7 @@ typedef struct hyi_packet {
     float near_origin[3], far_origin[3], inverse_low[3], inverse_high[3];
     float bound[3];                      /* of the error of each origin, by which slabs are thicker */
     float first_t, last_t;
+    uint32_t spread;                     /* 1: they begin at different points, and bounds of all say little of each */
     uint32_t count, group;               /* rays; what their directions have in common: see hyi_aim_group */
 } hyi_packet;
 
@@ -8472,6 +8524,7 @@ typedef struct hyi_ray_stream {
     hyi_flight *flights;   /* levels times capacity */
     uint32_t *lists;       /* list_count */
     uint32_t *order;       /* two times sorted */
+    uint8_t *keys;         /* sorted: of rays yet to be sorted by them */
     size_t list_count;
 } hyi_ray_stream;
 
@@ -8486,6 +8539,13 @@ typedef struct hyi_swarm {
     bool any;
 } hyi_swarm;
 
+/* Sixteen words of each of some rays, from rows of one word of all, to a line of each, one flight apart. */
+HYI_INLINE void hyi_lines(const void *const rows[16], char *lines, uint32_t rays) {
+    for (uint32_t i = 0; i < rays; i++)
+        for (uint32_t word = 0; word < 16u; word++)
+            memcpy(lines + i * sizeof(hyi_flight) + 4u * word, (const char *)rows[word] + 4u * i, 4);
+}
+
 /* Of eight items, which children each meets. */
 typedef union hyi_masks8 {
     uint8_t bytes[8];
@@ -8494,6 +8554,13 @@ typedef union hyi_masks8 {
 
 HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
     return (aim->near_plane[0] & 1u) | (aim->near_plane[1] & 1u) << 1 | (aim->near_plane[2] & 1u) << 2 | aim->axis[2] << 3;
+}
+
+/* The same of a ray that is not aimed yet, or nearly: ties between axes may fall otherwise. */
+HYI_INLINE uint8_t hyi_direction_key(hyk_vec3 d) {
+    float x = fabsf(d.x), y = fabsf(d.y), z = fabsf(d.z);
+    uint32_t axis = z > x && z > y ? 2u : x >= y ? 0u : 1u;
+    return (uint8_t)((d.x < 0.0f ? 1u : 0u) | (d.y < 0.0f ? 2u : 0u) | (d.z < 0.0f ? 4u : 0u) | axis << 3);
 }
 
 /* hyi_aim.axis of the rays of a group. */
@@ -8522,21 +8589,17 @@ HYI_INLINE void hyi_group(const uint8_t *keys, uint32_t count, uint32_t *order, 
     for (uint32_t i = 0; i < count; i++) order[next[keys[i]]++] = i;
 }
 
+/* Of eight. */
+HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
+    bits -= bits >> 1 & 0x55u;
+    bits = (bits & 0x33u) + (bits >> 2 & 0x33u);
+    return (bits + (bits >> 4)) & 0xfu;
+}
+
 /* What a child will read first. */
 HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
     const char *at = hyi_child_is_leaf(child) ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
     for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
-}
-
-/* Orders the children in mask by t, nearest first; returns how many they are. */
-HYI_INLINE uint32_t hyi_order_children(uint32_t mask, const float t[HYI_WIDTH], uint32_t order[HYI_WIDTH]) {
-    uint32_t count = 0;
-    for (; mask; mask &= mask - 1u) {
-        uint32_t c = hyi_lowest_bit(mask), at = count++;
-        for (; at > 0 && t[order[at - 1u]] > t[c]; at--) order[at] = order[at - 1u];
-        order[at] = c;
-    }
-    return count;
 }
 
 #endif /* HYI_BVH_STREAM_H */
@@ -8555,8 +8618,10 @@ typedef struct hyi_f8 {
         for (int i = 0; i < 8; i++) r.v[i] = (expression); \
         return r;                                     \
     }
+HYI_EIGHT(hyi_add8_scalar, a.v[i] + b.v[i])
 HYI_EIGHT(hyi_sub8_scalar, a.v[i] - b.v[i])
 HYI_EIGHT(hyi_mul8_scalar, a.v[i] * b.v[i])
+HYI_EIGHT(hyi_div8_scalar, a.v[i] / b.v[i])
 HYI_EIGHT(hyi_min8_scalar, b.v[i] < a.v[i] ? b.v[i] : a.v[i])
 HYI_EIGHT(hyi_max8_scalar, b.v[i] > a.v[i] ? b.v[i] : a.v[i])
 #undef HYI_EIGHT
@@ -8596,6 +8661,7 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 }
 
 #define HYI_TARGET
+#define HYI_ALWAYS_EXACT 1 /* eight judgements would cost more than the decisions that they spare */
 #define HYI_I(name) name##_scalar
 #define HYI_F8 hyi_f8
 #define HYI_M8 uint32_t
@@ -8604,8 +8670,10 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 #define HYI_STORE8(p, a) memcpy(p, (a).v, sizeof (a).v)
 #define HYI_SET8(value) hyi_set8_scalar(value)
 #define HYI_ZERO8() hyi_set8_scalar(0.0f)
+#define HYI_ADD8(a, b) hyi_add8_scalar(a, b)
 #define HYI_SUB8(a, b) hyi_sub8_scalar(a, b)
 #define HYI_MUL8(a, b) hyi_mul8_scalar(a, b)
+#define HYI_DIV8(a, b) hyi_div8_scalar(a, b)
 #define HYI_MAD8(a, b, c) hyi_mad8_scalar(a, b, c)
 #define HYI_MIN8(a, b) hyi_min8_scalar(a, b)
 #define HYI_MAX8(a, b) hyi_max8_scalar(a, b)
@@ -8663,26 +8731,72 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
-   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
-    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
-    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
-    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
-    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
-    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
-    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
-    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
-    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
-    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
+
+/* What eight triangles are to a ray. */
+typedef struct HYI_I(hyi_verdicts) {
+    uint32_t possible;        /* bits of those that it may hit */
+    uint32_t certain;         /* of those that it hits, from t_near on, whatever the closer look would round */
+    float least[8], most[8];  /* between these lies t of the certain ones */
+} HYI_I(hyi_verdicts);
+
+/* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
+   corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
+   corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
+   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+                                                      HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
+    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
+        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
+    }
+    HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
+    HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
+    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
+    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    verdicts->possible &= ~HYI_BITS8(missed);
+    verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
+    HYI_STORE8(verdicts->least, least);
+    HYI_STORE8(verdicts->most, most);
+}
+
+/* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_verdicts) verdicts;
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
+    HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
+    HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
+    verdicts.certain = 0;
+    if (verdicts.possible && !exact)
+        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    return verdicts;
 }
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
-    bool found = false;
-    for (; mask; mask &= mask - 1u) {
-        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (verdicts.certain >> lane & 1u) {
+            if (verdicts.least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+        } else {
+            found = hyi_offer(site, flight, leaf, lane) || found;
+        }
         if (found && any) break;
     }
     return found;
@@ -8708,7 +8822,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
         }
         do {
-            if (top == stack) return;
+            if (top == stack) {
+                hyi_settle(site, flight);
+                return;
+            }
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
@@ -8774,9 +8891,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
 #undef HYI_ADD4
+#undef HYI_ADD8
 #undef HYI_ADDD
 #undef HYI_ADDW
 #undef HYI_ALLW
+#undef HYI_ALWAYS_EXACT
 #undef HYI_AND4
 #undef HYI_AND8
 #undef HYI_ANDW
@@ -8791,6 +8910,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
 #undef HYI_DEAL
 #undef HYI_DIV2
 #undef HYI_DIV4
+#undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
 #undef HYI_F4
@@ -8803,6 +8923,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
+#undef HYI_LINES
 #undef HYI_LE4
 #undef HYI_LE8
 #undef HYI_LEAST4
@@ -8981,17 +9102,44 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
     }
 }
 
+/* hyi_lines: two transpositions of eight by eight, in three steps each. */
+HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines) {
+    for (int side = 0; side < 2; side++) {
+        __m256 a[8], b[8];
+        for (int i = 0; i < 8; i++) a[i] = _mm256_loadu_ps((const float *)rows[8 * side + i]);
+        for (int i = 0; i < 8; i += 2) {
+            b[i] = _mm256_unpacklo_ps(a[i], a[i + 1]);
+            b[i + 1] = _mm256_unpackhi_ps(a[i], a[i + 1]);
+        }
+        for (int i = 0; i < 8; i += 4) {
+            for (int k = 0; k < 2; k++) {
+                a[i + 2 * k] = _mm256_shuffle_ps(b[i + k], b[i + k + 2], 0x44);
+                a[i + 2 * k + 1] = _mm256_shuffle_ps(b[i + k], b[i + k + 2], 0xee);
+            }
+        }
+        for (int k = 0; k < 4; k++) {
+            float *low = (float *)(void *)(lines + (size_t)(uint32_t)k * sizeof(hyi_flight)) + 8 * side;
+            float *high = (float *)(void *)(lines + (size_t)(uint32_t)(k + 4) * sizeof(hyi_flight)) + 8 * side;
+            _mm256_store_ps(low, _mm256_permute2f128_ps(a[k], a[k + 4], 0x20));
+            _mm256_store_ps(high, _mm256_permute2f128_ps(a[k], a[k + 4], 0x31));
+        }
+    }
+}
+
 #define HYI_TARGET HYI_AVX2
 #define HYI_I(name) name##_avx2
 #define HYI_F8 __m256
+#define HYI_ALWAYS_EXACT 0
 #define HYI_M8 __m256
 #define HYI_LOAD8(p) _mm256_load_ps(p)
 #define HYI_LOADU8(p) _mm256_loadu_ps(p)
 #define HYI_STORE8(p, a) _mm256_storeu_ps(p, a)
 #define HYI_SET8(value) _mm256_set1_ps(value)
 #define HYI_ZERO8() _mm256_setzero_ps()
+#define HYI_ADD8(a, b) _mm256_add_ps(a, b)
 #define HYI_SUB8(a, b) _mm256_sub_ps(a, b)
 #define HYI_MUL8(a, b) _mm256_mul_ps(a, b)
+#define HYI_DIV8(a, b) _mm256_div_ps(a, b)
 #define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
 #define HYI_MIN8(a, b) _mm256_min_ps(a, b)
 #define HYI_MAX8(a, b) _mm256_max_ps(a, b)
@@ -9002,6 +9150,7 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
 #define HYI_BITS8(m) ((uint32_t)_mm256_movemask_ps(m))
 #define HYI_MIN8_WHERE(a, m, b) _mm256_blendv_ps(a, _mm256_min_ps(a, b), m)
 #define HYI_PIN8(a) hyi_pin8_avx2(a)
+#define HYI_LINES(rows, lines) hyi_lines_avx2(rows, lines)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW __m256
@@ -9090,26 +9239,72 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
-   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
-    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
-    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
-    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
-    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
-    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
-    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
-    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
-    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
-    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
+
+/* What eight triangles are to a ray. */
+typedef struct HYI_I(hyi_verdicts) {
+    uint32_t possible;        /* bits of those that it may hit */
+    uint32_t certain;         /* of those that it hits, from t_near on, whatever the closer look would round */
+    float least[8], most[8];  /* between these lies t of the certain ones */
+} HYI_I(hyi_verdicts);
+
+/* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
+   corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
+   corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
+   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+                                                      HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
+    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
+        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
+    }
+    HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
+    HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
+    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
+    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    verdicts->possible &= ~HYI_BITS8(missed);
+    verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
+    HYI_STORE8(verdicts->least, least);
+    HYI_STORE8(verdicts->most, most);
+}
+
+/* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_verdicts) verdicts;
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
+    HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
+    HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
+    verdicts.certain = 0;
+    if (verdicts.possible && !exact)
+        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    return verdicts;
 }
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
-    bool found = false;
-    for (; mask; mask &= mask - 1u) {
-        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (verdicts.certain >> lane & 1u) {
+            if (verdicts.least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+        } else {
+            found = hyi_offer(site, flight, leaf, lane) || found;
+        }
         if (found && any) break;
     }
     return found;
@@ -9135,7 +9330,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
         }
         do {
-            if (top == stack) return;
+            if (top == stack) {
+                hyi_settle(site, flight);
+                return;
+            }
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
@@ -9232,6 +9430,16 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, cons
     return HYI_BITSW(HYI_LEW(first, last)) != 0u;
 }
 
+/* Of the children in mask, those whose box some ray of a packet meets. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_boxes_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t mask) {
+    uint32_t met = mask;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t c = hyi_lowest_bit(mask);
+        met &= ~((HYI_I(hyi_meet_box_each)(swarm, p, node, c) ? 0u : 1u) << c);
+    }
+    return met;
+}
+
 /* ---- triangles */
 
 /* A corner in the sheared frames of the rays of a packet. */
@@ -9253,8 +9461,8 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
-/* Bits of the rays that need a closer look at one triangle: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
+/* Which rays certainly miss one triangle: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_miss_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
     HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
     HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
     HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
@@ -9263,7 +9471,41 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *pa
     HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
     HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
     HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
-    return ~HYI_BITSW(HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early))) & HYI_ALLW;
+    return HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early));
+}
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
+
+/* Of one triangle that rays may hit but those in out, where any hit does: stops the rays that certainly hit it; left: the
+   others, without those that turn out to miss it. hyi_judge_triangles, for all rays. Returns whether it stopped any. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
+    HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
+    HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), across = zero, along = zero;
+    HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
+    HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(k[i].x), HYI_I(hyi_size_all)(k[i].y)));
+        along = HYI_MAXW(along, HYI_I(hyi_size_all)(k[i].z));
+    }
+    HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
+    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(a, ta), HYI_MULW(b, tb)), HYI_MULW(c, tc)), inverse);
+    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(first), HYI_I(hyi_size_all)(last));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
+    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
+    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MAXW(HYI_MULW(HYI_SETW(4.0f), noise), HYI_SETW(HYI_EDGE_LEAST)), HYI_I(hyi_size_all)(sum)));
+    HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
+    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
+    HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
+    uint32_t stopped = HYI_BITSW(hit) & ~HYI_BITSW(out);
+    *left = HYI_ALLW & ~(stopped | HYI_BITSW(HYI_ORW(out, missed)));
+    if (stopped == 0) return false;
+    for (uint32_t some = stopped; some; some &= some - 1u) {
+        packet->t_far[hyi_lowest_bit(some)] = -FLT_MAX;
+        packet->instance[hyi_lowest_bit(some)] = swarm->site.instance;
+    }
+    return true;
 }
 
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
@@ -9340,8 +9582,8 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
     return true;
 }
 
-/* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+/* Decides on triangle number t of a leaf for the rays in mask. Returns whether one of them was hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
                                                    const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
     double corner[3], n[3], z[3];
     for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
@@ -9361,10 +9603,25 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return found;
 }
 
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                     HYI_I(hyi_corner_all) corners[3]) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t triangles = hyi_leaf_count(leaf);
+    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + triangle, triangles);
+}
+
+/* Offers triangle number t of a leaf to all rays but those in out, which miss it. Returns whether one of them hits it. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                   const HYI_I(hyi_corner_all) corners[3], HYI_MW out) {
+    uint32_t left = ~HYI_BITSW(out) & HYI_ALLW;
+    bool found = left && swarm->any && !swarm->site.asks_alpha && HYI_I(hyi_stop_certain)(swarm, packet, corners, out, &left);
+    if (left && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, corners, left)) found = true;
+    return found;
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                     const hyi_node *node, uint32_t c) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
@@ -9372,9 +9629,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
         for (uint32_t t = 0; t < triangles; t++) {
             HYI_I(hyi_corner_all) corners[3];
-            for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + t, triangles);
-            uint32_t mask = HYI_I(hyi_meet_triangle_all)(packet, corners);
-            if (mask && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, mask)) found = true;
+            HYI_I(hyi_shear_triangle)(swarm, packet, leaf, t, corners);
+            if (HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, HYI_I(hyi_miss_triangle_all)(packet, corners))) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
@@ -9386,6 +9642,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
     float low[3], high[3], extent = 0.0f, z = 0.0f;
     uint32_t axis = packet->group >> 3;
+    packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
         if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
@@ -9399,6 +9656,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     z = below > above ? below : above;
     for (int a = 0; a < 3; a++) {
         if (!(high[a] - low[a] <= HYI_PACKET_ORIGINS * extent)) return false;
+        if (high[a] > low[a]) packet->spread = 1;
         float from_low = hyi_reach(box, low[a], a, false), from_high = hyi_reach(box, high[a], a, false);
         float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
         float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
@@ -9519,33 +9777,31 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t 
 /* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
     float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
-    hyi_packet packet;
-    uint32_t axis[3];
-    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &packet, o, inverse)) return false;
-    HYI_I(hyi_offset_lanes)(&bvh->scaled, packet.group, o, inverse, near_offset, far_offset);
-    hyi_group_axes(packet.group, axis);
+    uint32_t plane[3][HYI_PACKET_WIDTH], axes[3][HYI_PACKET_WIDTH], none[HYI_PACKET_WIDTH] = {0}, axis[3];
+    hyi_packet p;
+    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &p, o, inverse)) return false;
+    HYI_I(hyi_offset_lanes)(&bvh->scaled, p.group, o, inverse, near_offset, far_offset);
+    hyi_group_axes(p.group, axis);
+    for (uint32_t a = 0; a < 3; a++) {
+        for (uint32_t i = 0; i < HYI_LANES; i++) {
+            plane[a][i] = 2u * a + (p.group >> a & 1u);
+            axes[a][i] = axis[a];
+        }
+    }
+    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
+                             p.t_near, p.t_far, plane[0], plane[1], plane[2], p.inverse_z, p.best_t};
+    const void *triangles[16] = {p.origin[0], p.origin[1], p.origin[2], p.shear[0], p.shear[1], axes[0], axes[1], axes[2],
+                                 p.direction[0], p.direction[1], p.direction[2], none, none, none, none, none};
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];
-        for (uint32_t a = 0; a < 3; a++) {
-            flight->aim.inverse[a] = inverse[a][i];
-            flight->aim.near_offset[a] = near_offset[a][i];
-            flight->aim.far_offset[a] = far_offset[a][i];
-            flight->aim.origin[a] = packet.origin[a][i];
-            flight->aim.direction[a] = packet.direction[a][i];
-            flight->aim.axis[a] = axis[a];
-            flight->aim.near_plane[a] = 2u * a + (packet.group >> a & 1u);
-        }
-        flight->aim.shear[0] = packet.shear[0][i];
-        flight->aim.shear[1] = packet.shear[1][i];
-        flight->aim.inverse_z = packet.inverse_z[i];
-        flight->aim.t_by_z = packet.t_by_z[i];
-        flight->aim.t_near = packet.t_near[i];
-        flight->aim.t_far = packet.t_far[i];
+        flight->aim.t_by_z = p.t_by_z[i];
         flight->aim.unit = flight->aim.inverse_unit = 1.0;
-        flight->best.t = packet.best_t[i];
+        flight->best.t = p.best_t[i];
         flight->best.u = flight->best.v = 0.0f;
         flight->best.instance = flight->best.primitive = HYK_NONE;
-        flight->t_min = packet.t_min[i];
+        flight->t_min = p.t_min[i];
         flight->ray = &rays[numbers[i]];
     }
     return true;
@@ -9603,12 +9859,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
     for (uint32_t i = 0; i < packet->count; i++) {
         hyi_best *best = &swarm->flights[packet->ray[i]].best;
+        best->instance = packet->instance[i];
         if (packet->weights[2][i] == 0.0) continue;
         double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
         best->t = packet->best_t[i];
         best->u = (float)(packet->weights[0][i] * inverse);
         best->v = (float)(packet->weights[1][i] * inverse);
-        best->instance = packet->instance[i];
         best->primitive = packet->primitive[i];
     }
 }
@@ -9617,6 +9873,24 @@ HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_pack
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
+
+/* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
+   how many these are. Without a branch: it would be taken by chance. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, const hyi_node *node, uint32_t c, uint32_t *list, uint32_t count) {
+    float x = node->planes[swarm->near_plane[0]][c], y = node->planes[swarm->near_plane[1]][c], z = node->planes[swarm->near_plane[2]][c];
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t ray = list[i];
+        const hyi_aim *aim = &swarm->flights[ray].aim;
+        float tx = x * aim->inverse[0] + aim->near_offset[0], ty = y * aim->inverse[1] + aim->near_offset[1], tz = z * aim->inverse[2] + aim->near_offset[2];
+        float enter = tx > ty ? tx : ty;
+        enter = tz > enter ? tz : enter;
+        list[kept] = ray;
+        kept += enter <= aim->t_far ? 1u : 0u;
+    }
+    return kept;
+}
 
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
@@ -9637,11 +9911,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_nod
             HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
                                   : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
-            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+            uint32_t met = HYI_BITS8(mask);
+            if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
+            masks.bytes[i] = (uint8_t)met;
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
     HYI_STORE8(nearest, least);
+}
+
+/* Orders all children by t, nearest first, without a branch: a child comes after as many as are nearer, or as near with a
+   smaller number. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], uint32_t order[HYI_WIDTH]) {
+    HYI_F8 all = HYI_LOADU8(t);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        HYI_F8 one = HYI_SET8(t[c]);
+        order[hyi_count_bits(HYI_BITS8(HYI_LT8(all, one)) | (HYI_BITS8(HYI_LE8(all, one)) & ((1u << c) - 1u)))] = c;
+    }
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
@@ -9649,13 +9935,19 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t
     uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) mask |= (dealt[c] ? 1u : 0u) << c;
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        mask |= (dealt[c] ? 1u : 0u) << c;
+        nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by the bounds of a packet, but by none of its rays */
+    }
     if (swarm->site.bvh->rows)
         for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
-    uint32_t children = hyi_order_children(mask, nearest, order);
+    HYI_I(hyi_order_children)(nearest, order);
+    uint32_t children = hyi_count_bits(mask);
     for (uint32_t i = 0; i < children; i++) {
         uint32_t c = order[i];
-        if (packets && hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
+        if (leaf && packets) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        else if (leaf) HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]));
         else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
     }
 }
@@ -9787,11 +10079,12 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
         if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
         if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
     }
+    for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
 }
 
-/* Packets of those among count rays that are alike; numbers of the others go to others, and are counted. */
+/* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
-                                                     uint8_t *occluded, uint32_t count, uint32_t *others) {
+                                                     uint8_t *occluded, uint32_t count, uint32_t *others, uint8_t *keys) {
     hyi_swarm swarm;
     uint32_t made = 0, rest = 0;
     swarm.site = *site;
@@ -9802,9 +10095,14 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
     swarm.any = occluded != NULL;
     for (uint32_t first = 0; first < count; first += HYI_LANES) {
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) made++;
-        else
-            for (uint32_t i = 0; i < some; i++) others[rest++] = first + i;
+        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
+            made++;
+            continue;
+        }
+        for (uint32_t i = first; i < first + some; i++) {
+            others[rest] = i;
+            keys[rest++] = hyi_direction_key(hyi_load_ray(&rays[i]).direction);
+        }
     }
     if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
     for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
@@ -9813,9 +10111,11 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
 #undef HYI_ADD4
+#undef HYI_ADD8
 #undef HYI_ADDD
 #undef HYI_ADDW
 #undef HYI_ALLW
+#undef HYI_ALWAYS_EXACT
 #undef HYI_AND4
 #undef HYI_AND8
 #undef HYI_ANDW
@@ -9830,6 +10130,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_DEAL
 #undef HYI_DIV2
 #undef HYI_DIV4
+#undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
 #undef HYI_F4
@@ -9842,6 +10143,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
+#undef HYI_LINES
 #undef HYI_LE4
 #undef HYI_LE8
 #undef HYI_LEAST4
@@ -9964,17 +10266,49 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
     }
 }
 
+/* hyi_lines: a transposition in four steps. */
+HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *lines) {
+    __m512 a[16], b[16];
+    for (int i = 0; i < 16; i++) a[i] = _mm512_loadu_ps(rows[i]);
+    for (int i = 0; i < 16; i += 2) {
+        b[i] = _mm512_unpacklo_ps(a[i], a[i + 1]);
+        b[i + 1] = _mm512_unpackhi_ps(a[i], a[i + 1]);
+    }
+    for (int i = 0; i < 16; i += 4) {
+        for (int k = 0; k < 2; k++) {
+            __m512d low = _mm512_castps_pd(b[i + k]), high = _mm512_castps_pd(b[i + k + 2]);
+            a[i + 2 * k] = _mm512_castpd_ps(_mm512_unpacklo_pd(low, high));
+            a[i + 2 * k + 1] = _mm512_castpd_ps(_mm512_unpackhi_pd(low, high));
+        }
+    }
+    for (int i = 0; i < 16; i += 8) {
+        for (int k = 0; k < 4; k++) {
+            b[i + k] = _mm512_shuffle_f32x4(a[i + k], a[i + k + 4], 0x88);
+            b[i + k + 4] = _mm512_shuffle_f32x4(a[i + k], a[i + k + 4], 0xdd);
+        }
+    }
+    for (int k = 0; k < 8; k++) {
+        char *low = lines + (size_t)(uint32_t)k * sizeof(hyi_flight);
+        _mm512_store_ps((float *)(void *)low, _mm512_shuffle_f32x4(b[k], b[k + 8], 0x88));
+        _mm512_store_ps((float *)(void *)(low + 8u * sizeof(hyi_flight)), _mm512_shuffle_f32x4(b[k], b[k + 8], 0xdd));
+    }
+}
+
 #define HYI_TARGET HYI_AVX512
+#define HYI_LINES(rows, lines) hyi_lines_avx512(rows, lines)
 #define HYI_I(name) name##_avx512
 #define HYI_F8 __m256
+#define HYI_ALWAYS_EXACT 0
 #define HYI_M8 __mmask8
 #define HYI_LOAD8(p) _mm256_load_ps(p)
 #define HYI_LOADU8(p) _mm256_loadu_ps(p)
 #define HYI_STORE8(p, a) _mm256_storeu_ps(p, a)
 #define HYI_SET8(value) _mm256_set1_ps(value)
 #define HYI_ZERO8() _mm256_setzero_ps()
+#define HYI_ADD8(a, b) _mm256_add_ps(a, b)
 #define HYI_SUB8(a, b) _mm256_sub_ps(a, b)
 #define HYI_MUL8(a, b) _mm256_mul_ps(a, b)
+#define HYI_DIV8(a, b) _mm256_div_ps(a, b)
 #define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
 #define HYI_MIN8(a, b) _mm256_min_ps(a, b)
 #define HYI_MAX8(a, b) _mm256_max_ps(a, b)
@@ -10073,26 +10407,72 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
-   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
-    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
-    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
-    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
-    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
-    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
-    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
-    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
-    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
-    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
+
+/* What eight triangles are to a ray. */
+typedef struct HYI_I(hyi_verdicts) {
+    uint32_t possible;        /* bits of those that it may hit */
+    uint32_t certain;         /* of those that it hits, from t_near on, whatever the closer look would round */
+    float least[8], most[8];  /* between these lies t of the certain ones */
+} HYI_I(hyi_verdicts);
+
+/* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
+   corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
+   corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
+   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+                                                      HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
+    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
+        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
+    }
+    HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
+    HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
+    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
+    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    verdicts->possible &= ~HYI_BITS8(missed);
+    verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
+    HYI_STORE8(verdicts->least, least);
+    HYI_STORE8(verdicts->most, most);
+}
+
+/* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_verdicts) verdicts;
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
+    HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
+    HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
+    verdicts.certain = 0;
+    if (verdicts.possible && !exact)
+        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    return verdicts;
 }
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
-    bool found = false;
-    for (; mask; mask &= mask - 1u) {
-        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (verdicts.certain >> lane & 1u) {
+            if (verdicts.least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+        } else {
+            found = hyi_offer(site, flight, leaf, lane) || found;
+        }
         if (found && any) break;
     }
     return found;
@@ -10118,7 +10498,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
         }
         do {
-            if (top == stack) return;
+            if (top == stack) {
+                hyi_settle(site, flight);
+                return;
+            }
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
@@ -10215,6 +10598,16 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, cons
     return HYI_BITSW(HYI_LEW(first, last)) != 0u;
 }
 
+/* Of the children in mask, those whose box some ray of a packet meets. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_boxes_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t mask) {
+    uint32_t met = mask;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t c = hyi_lowest_bit(mask);
+        met &= ~((HYI_I(hyi_meet_box_each)(swarm, p, node, c) ? 0u : 1u) << c);
+    }
+    return met;
+}
+
 /* ---- triangles */
 
 /* A corner in the sheared frames of the rays of a packet. */
@@ -10236,8 +10629,8 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
-/* Bits of the rays that need a closer look at one triangle: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
+/* Which rays certainly miss one triangle: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_miss_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
     HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
     HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
     HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
@@ -10246,7 +10639,41 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *pa
     HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
     HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
     HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
-    return ~HYI_BITSW(HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early))) & HYI_ALLW;
+    return HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early));
+}
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
+
+/* Of one triangle that rays may hit but those in out, where any hit does: stops the rays that certainly hit it; left: the
+   others, without those that turn out to miss it. hyi_judge_triangles, for all rays. Returns whether it stopped any. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
+    HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
+    HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), across = zero, along = zero;
+    HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
+    HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(k[i].x), HYI_I(hyi_size_all)(k[i].y)));
+        along = HYI_MAXW(along, HYI_I(hyi_size_all)(k[i].z));
+    }
+    HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
+    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(a, ta), HYI_MULW(b, tb)), HYI_MULW(c, tc)), inverse);
+    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(first), HYI_I(hyi_size_all)(last));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
+    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
+    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MAXW(HYI_MULW(HYI_SETW(4.0f), noise), HYI_SETW(HYI_EDGE_LEAST)), HYI_I(hyi_size_all)(sum)));
+    HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
+    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
+    HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
+    uint32_t stopped = HYI_BITSW(hit) & ~HYI_BITSW(out);
+    *left = HYI_ALLW & ~(stopped | HYI_BITSW(HYI_ORW(out, missed)));
+    if (stopped == 0) return false;
+    for (uint32_t some = stopped; some; some &= some - 1u) {
+        packet->t_far[hyi_lowest_bit(some)] = -FLT_MAX;
+        packet->instance[hyi_lowest_bit(some)] = swarm->site.instance;
+    }
+    return true;
 }
 
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
@@ -10323,8 +10750,8 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
     return true;
 }
 
-/* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+/* Decides on triangle number t of a leaf for the rays in mask. Returns whether one of them was hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
                                                    const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
     double corner[3], n[3], z[3];
     for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
@@ -10344,10 +10771,25 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return found;
 }
 
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                     HYI_I(hyi_corner_all) corners[3]) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t triangles = hyi_leaf_count(leaf);
+    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + triangle, triangles);
+}
+
+/* Offers triangle number t of a leaf to all rays but those in out, which miss it. Returns whether one of them hits it. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                   const HYI_I(hyi_corner_all) corners[3], HYI_MW out) {
+    uint32_t left = ~HYI_BITSW(out) & HYI_ALLW;
+    bool found = left && swarm->any && !swarm->site.asks_alpha && HYI_I(hyi_stop_certain)(swarm, packet, corners, out, &left);
+    if (left && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, corners, left)) found = true;
+    return found;
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                     const hyi_node *node, uint32_t c) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
@@ -10355,9 +10797,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
         for (uint32_t t = 0; t < triangles; t++) {
             HYI_I(hyi_corner_all) corners[3];
-            for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + t, triangles);
-            uint32_t mask = HYI_I(hyi_meet_triangle_all)(packet, corners);
-            if (mask && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, mask)) found = true;
+            HYI_I(hyi_shear_triangle)(swarm, packet, leaf, t, corners);
+            if (HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, HYI_I(hyi_miss_triangle_all)(packet, corners))) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
@@ -10369,6 +10810,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
     float low[3], high[3], extent = 0.0f, z = 0.0f;
     uint32_t axis = packet->group >> 3;
+    packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
         if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
@@ -10382,6 +10824,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     z = below > above ? below : above;
     for (int a = 0; a < 3; a++) {
         if (!(high[a] - low[a] <= HYI_PACKET_ORIGINS * extent)) return false;
+        if (high[a] > low[a]) packet->spread = 1;
         float from_low = hyi_reach(box, low[a], a, false), from_high = hyi_reach(box, high[a], a, false);
         float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
         float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
@@ -10502,33 +10945,31 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t 
 /* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
     float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
-    hyi_packet packet;
-    uint32_t axis[3];
-    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &packet, o, inverse)) return false;
-    HYI_I(hyi_offset_lanes)(&bvh->scaled, packet.group, o, inverse, near_offset, far_offset);
-    hyi_group_axes(packet.group, axis);
+    uint32_t plane[3][HYI_PACKET_WIDTH], axes[3][HYI_PACKET_WIDTH], none[HYI_PACKET_WIDTH] = {0}, axis[3];
+    hyi_packet p;
+    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &p, o, inverse)) return false;
+    HYI_I(hyi_offset_lanes)(&bvh->scaled, p.group, o, inverse, near_offset, far_offset);
+    hyi_group_axes(p.group, axis);
+    for (uint32_t a = 0; a < 3; a++) {
+        for (uint32_t i = 0; i < HYI_LANES; i++) {
+            plane[a][i] = 2u * a + (p.group >> a & 1u);
+            axes[a][i] = axis[a];
+        }
+    }
+    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
+                             p.t_near, p.t_far, plane[0], plane[1], plane[2], p.inverse_z, p.best_t};
+    const void *triangles[16] = {p.origin[0], p.origin[1], p.origin[2], p.shear[0], p.shear[1], axes[0], axes[1], axes[2],
+                                 p.direction[0], p.direction[1], p.direction[2], none, none, none, none, none};
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];
-        for (uint32_t a = 0; a < 3; a++) {
-            flight->aim.inverse[a] = inverse[a][i];
-            flight->aim.near_offset[a] = near_offset[a][i];
-            flight->aim.far_offset[a] = far_offset[a][i];
-            flight->aim.origin[a] = packet.origin[a][i];
-            flight->aim.direction[a] = packet.direction[a][i];
-            flight->aim.axis[a] = axis[a];
-            flight->aim.near_plane[a] = 2u * a + (packet.group >> a & 1u);
-        }
-        flight->aim.shear[0] = packet.shear[0][i];
-        flight->aim.shear[1] = packet.shear[1][i];
-        flight->aim.inverse_z = packet.inverse_z[i];
-        flight->aim.t_by_z = packet.t_by_z[i];
-        flight->aim.t_near = packet.t_near[i];
-        flight->aim.t_far = packet.t_far[i];
+        flight->aim.t_by_z = p.t_by_z[i];
         flight->aim.unit = flight->aim.inverse_unit = 1.0;
-        flight->best.t = packet.best_t[i];
+        flight->best.t = p.best_t[i];
         flight->best.u = flight->best.v = 0.0f;
         flight->best.instance = flight->best.primitive = HYK_NONE;
-        flight->t_min = packet.t_min[i];
+        flight->t_min = p.t_min[i];
         flight->ray = &rays[numbers[i]];
     }
     return true;
@@ -10586,12 +11027,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
     for (uint32_t i = 0; i < packet->count; i++) {
         hyi_best *best = &swarm->flights[packet->ray[i]].best;
+        best->instance = packet->instance[i];
         if (packet->weights[2][i] == 0.0) continue;
         double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
         best->t = packet->best_t[i];
         best->u = (float)(packet->weights[0][i] * inverse);
         best->v = (float)(packet->weights[1][i] * inverse);
-        best->instance = packet->instance[i];
         best->primitive = packet->primitive[i];
     }
 }
@@ -10600,6 +11041,24 @@ HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_pack
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
+
+/* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
+   how many these are. Without a branch: it would be taken by chance. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, const hyi_node *node, uint32_t c, uint32_t *list, uint32_t count) {
+    float x = node->planes[swarm->near_plane[0]][c], y = node->planes[swarm->near_plane[1]][c], z = node->planes[swarm->near_plane[2]][c];
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t ray = list[i];
+        const hyi_aim *aim = &swarm->flights[ray].aim;
+        float tx = x * aim->inverse[0] + aim->near_offset[0], ty = y * aim->inverse[1] + aim->near_offset[1], tz = z * aim->inverse[2] + aim->near_offset[2];
+        float enter = tx > ty ? tx : ty;
+        enter = tz > enter ? tz : enter;
+        list[kept] = ray;
+        kept += enter <= aim->t_far ? 1u : 0u;
+    }
+    return kept;
+}
 
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
@@ -10620,11 +11079,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_nod
             HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
                                   : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
-            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+            uint32_t met = HYI_BITS8(mask);
+            if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
+            masks.bytes[i] = (uint8_t)met;
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
     HYI_STORE8(nearest, least);
+}
+
+/* Orders all children by t, nearest first, without a branch: a child comes after as many as are nearer, or as near with a
+   smaller number. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], uint32_t order[HYI_WIDTH]) {
+    HYI_F8 all = HYI_LOADU8(t);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        HYI_F8 one = HYI_SET8(t[c]);
+        order[hyi_count_bits(HYI_BITS8(HYI_LT8(all, one)) | (HYI_BITS8(HYI_LE8(all, one)) & ((1u << c) - 1u)))] = c;
+    }
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
@@ -10632,13 +11103,19 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t
     uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) mask |= (dealt[c] ? 1u : 0u) << c;
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        mask |= (dealt[c] ? 1u : 0u) << c;
+        nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by the bounds of a packet, but by none of its rays */
+    }
     if (swarm->site.bvh->rows)
         for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
-    uint32_t children = hyi_order_children(mask, nearest, order);
+    HYI_I(hyi_order_children)(nearest, order);
+    uint32_t children = hyi_count_bits(mask);
     for (uint32_t i = 0; i < children; i++) {
         uint32_t c = order[i];
-        if (packets && hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
+        if (leaf && packets) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        else if (leaf) HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]));
         else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
     }
 }
@@ -10770,11 +11247,12 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
         if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
         if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
     }
+    for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
 }
 
-/* Packets of those among count rays that are alike; numbers of the others go to others, and are counted. */
+/* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
-                                                     uint8_t *occluded, uint32_t count, uint32_t *others) {
+                                                     uint8_t *occluded, uint32_t count, uint32_t *others, uint8_t *keys) {
     hyi_swarm swarm;
     uint32_t made = 0, rest = 0;
     swarm.site = *site;
@@ -10785,9 +11263,14 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
     swarm.any = occluded != NULL;
     for (uint32_t first = 0; first < count; first += HYI_LANES) {
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) made++;
-        else
-            for (uint32_t i = 0; i < some; i++) others[rest++] = first + i;
+        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
+            made++;
+            continue;
+        }
+        for (uint32_t i = first; i < first + some; i++) {
+            others[rest] = i;
+            keys[rest++] = hyi_direction_key(hyi_load_ray(&rays[i]).direction);
+        }
     }
     if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
     for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
@@ -10796,9 +11279,11 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
 #undef HYI_ADD4
+#undef HYI_ADD8
 #undef HYI_ADDD
 #undef HYI_ADDW
 #undef HYI_ALLW
+#undef HYI_ALWAYS_EXACT
 #undef HYI_AND4
 #undef HYI_AND8
 #undef HYI_ANDW
@@ -10813,6 +11298,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_DEAL
 #undef HYI_DIV2
 #undef HYI_DIV4
+#undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
 #undef HYI_F4
@@ -10825,6 +11311,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
+#undef HYI_LINES
 #undef HYI_LE4
 #undef HYI_LE8
 #undef HYI_LEAST4
@@ -11111,14 +11598,17 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 }
 
 #define HYI_F8 HYI_I(hyi_f8)
+#define HYI_ALWAYS_EXACT 0
 #define HYI_M8 HYI_I(hyi_m8)
 #define HYI_LOAD8(p) HYI_I(hyi_load_plane)(p)
 #define HYI_LOADU8(p) HYI_I(hyi_load8)(p)
 #define HYI_STORE8(p, a) HYI_I(hyi_store8)(p, a)
 #define HYI_SET8(value) HYI_I(hyi_set8)(value)
 #define HYI_ZERO8() HYI_I(hyi_set8)(0.0f)
+#define HYI_ADD8(a, b) HYI_I(hyi_add8)(a, b)
 #define HYI_SUB8(a, b) HYI_I(hyi_sub8)(a, b)
 #define HYI_MUL8(a, b) HYI_I(hyi_mul8)(a, b)
+#define HYI_DIV8(a, b) HYI_I(hyi_div8)(a, b)
 #define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
 #define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
 #define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
@@ -11129,6 +11619,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
 #define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
+#define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW HYI_F8
@@ -11137,10 +11628,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_STOREW(p, a) HYI_STORE8(p, a)
 #define HYI_SETW(value) HYI_SET8(value)
 #define HYI_ZEROW() HYI_ZERO8()
-#define HYI_ADDW(a, b) HYI_I(hyi_add8)(a, b)
+#define HYI_ADDW(a, b) HYI_ADD8(a, b)
 #define HYI_SUBW(a, b) HYI_SUB8(a, b)
 #define HYI_MULW(a, b) HYI_MUL8(a, b)
-#define HYI_DIVW(a, b) HYI_I(hyi_div8)(a, b)
+#define HYI_DIVW(a, b) HYI_DIV8(a, b)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
@@ -11216,26 +11707,72 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
-   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
-    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
-    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
-    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
-    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
-    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
-    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
-    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
-    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
-    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
+
+/* What eight triangles are to a ray. */
+typedef struct HYI_I(hyi_verdicts) {
+    uint32_t possible;        /* bits of those that it may hit */
+    uint32_t certain;         /* of those that it hits, from t_near on, whatever the closer look would round */
+    float least[8], most[8];  /* between these lies t of the certain ones */
+} HYI_I(hyi_verdicts);
+
+/* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
+   corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
+   corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
+   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+                                                      HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
+    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
+        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
+    }
+    HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
+    HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
+    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
+    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    verdicts->possible &= ~HYI_BITS8(missed);
+    verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
+    HYI_STORE8(verdicts->least, least);
+    HYI_STORE8(verdicts->most, most);
+}
+
+/* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_verdicts) verdicts;
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
+    HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
+    HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
+    verdicts.certain = 0;
+    if (verdicts.possible && !exact)
+        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    return verdicts;
 }
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
-    bool found = false;
-    for (; mask; mask &= mask - 1u) {
-        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (verdicts.certain >> lane & 1u) {
+            if (verdicts.least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+        } else {
+            found = hyi_offer(site, flight, leaf, lane) || found;
+        }
         if (found && any) break;
     }
     return found;
@@ -11261,7 +11798,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
         }
         do {
-            if (top == stack) return;
+            if (top == stack) {
+                hyi_settle(site, flight);
+                return;
+            }
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
@@ -11358,6 +11898,16 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, cons
     return HYI_BITSW(HYI_LEW(first, last)) != 0u;
 }
 
+/* Of the children in mask, those whose box some ray of a packet meets. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_boxes_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t mask) {
+    uint32_t met = mask;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t c = hyi_lowest_bit(mask);
+        met &= ~((HYI_I(hyi_meet_box_each)(swarm, p, node, c) ? 0u : 1u) << c);
+    }
+    return met;
+}
+
 /* ---- triangles */
 
 /* A corner in the sheared frames of the rays of a packet. */
@@ -11379,8 +11929,8 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
-/* Bits of the rays that need a closer look at one triangle: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
+/* Which rays certainly miss one triangle: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_miss_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
     HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
     HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
     HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
@@ -11389,7 +11939,41 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *pa
     HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
     HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
     HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
-    return ~HYI_BITSW(HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early))) & HYI_ALLW;
+    return HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early));
+}
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
+
+/* Of one triangle that rays may hit but those in out, where any hit does: stops the rays that certainly hit it; left: the
+   others, without those that turn out to miss it. hyi_judge_triangles, for all rays. Returns whether it stopped any. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
+    HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
+    HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), across = zero, along = zero;
+    HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
+    HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(k[i].x), HYI_I(hyi_size_all)(k[i].y)));
+        along = HYI_MAXW(along, HYI_I(hyi_size_all)(k[i].z));
+    }
+    HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
+    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(a, ta), HYI_MULW(b, tb)), HYI_MULW(c, tc)), inverse);
+    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(first), HYI_I(hyi_size_all)(last));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
+    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
+    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MAXW(HYI_MULW(HYI_SETW(4.0f), noise), HYI_SETW(HYI_EDGE_LEAST)), HYI_I(hyi_size_all)(sum)));
+    HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
+    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
+    HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
+    uint32_t stopped = HYI_BITSW(hit) & ~HYI_BITSW(out);
+    *left = HYI_ALLW & ~(stopped | HYI_BITSW(HYI_ORW(out, missed)));
+    if (stopped == 0) return false;
+    for (uint32_t some = stopped; some; some &= some - 1u) {
+        packet->t_far[hyi_lowest_bit(some)] = -FLT_MAX;
+        packet->instance[hyi_lowest_bit(some)] = swarm->site.instance;
+    }
+    return true;
 }
 
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
@@ -11466,8 +12050,8 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
     return true;
 }
 
-/* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+/* Decides on triangle number t of a leaf for the rays in mask. Returns whether one of them was hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
                                                    const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
     double corner[3], n[3], z[3];
     for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
@@ -11487,10 +12071,25 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return found;
 }
 
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                     HYI_I(hyi_corner_all) corners[3]) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t triangles = hyi_leaf_count(leaf);
+    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + triangle, triangles);
+}
+
+/* Offers triangle number t of a leaf to all rays but those in out, which miss it. Returns whether one of them hits it. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                   const HYI_I(hyi_corner_all) corners[3], HYI_MW out) {
+    uint32_t left = ~HYI_BITSW(out) & HYI_ALLW;
+    bool found = left && swarm->any && !swarm->site.asks_alpha && HYI_I(hyi_stop_certain)(swarm, packet, corners, out, &left);
+    if (left && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, corners, left)) found = true;
+    return found;
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                     const hyi_node *node, uint32_t c) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
@@ -11498,9 +12097,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
         for (uint32_t t = 0; t < triangles; t++) {
             HYI_I(hyi_corner_all) corners[3];
-            for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + t, triangles);
-            uint32_t mask = HYI_I(hyi_meet_triangle_all)(packet, corners);
-            if (mask && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, mask)) found = true;
+            HYI_I(hyi_shear_triangle)(swarm, packet, leaf, t, corners);
+            if (HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, HYI_I(hyi_miss_triangle_all)(packet, corners))) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
@@ -11512,6 +12110,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
     float low[3], high[3], extent = 0.0f, z = 0.0f;
     uint32_t axis = packet->group >> 3;
+    packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
         if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
@@ -11525,6 +12124,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     z = below > above ? below : above;
     for (int a = 0; a < 3; a++) {
         if (!(high[a] - low[a] <= HYI_PACKET_ORIGINS * extent)) return false;
+        if (high[a] > low[a]) packet->spread = 1;
         float from_low = hyi_reach(box, low[a], a, false), from_high = hyi_reach(box, high[a], a, false);
         float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
         float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
@@ -11645,33 +12245,31 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t 
 /* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
     float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
-    hyi_packet packet;
-    uint32_t axis[3];
-    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &packet, o, inverse)) return false;
-    HYI_I(hyi_offset_lanes)(&bvh->scaled, packet.group, o, inverse, near_offset, far_offset);
-    hyi_group_axes(packet.group, axis);
+    uint32_t plane[3][HYI_PACKET_WIDTH], axes[3][HYI_PACKET_WIDTH], none[HYI_PACKET_WIDTH] = {0}, axis[3];
+    hyi_packet p;
+    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &p, o, inverse)) return false;
+    HYI_I(hyi_offset_lanes)(&bvh->scaled, p.group, o, inverse, near_offset, far_offset);
+    hyi_group_axes(p.group, axis);
+    for (uint32_t a = 0; a < 3; a++) {
+        for (uint32_t i = 0; i < HYI_LANES; i++) {
+            plane[a][i] = 2u * a + (p.group >> a & 1u);
+            axes[a][i] = axis[a];
+        }
+    }
+    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
+                             p.t_near, p.t_far, plane[0], plane[1], plane[2], p.inverse_z, p.best_t};
+    const void *triangles[16] = {p.origin[0], p.origin[1], p.origin[2], p.shear[0], p.shear[1], axes[0], axes[1], axes[2],
+                                 p.direction[0], p.direction[1], p.direction[2], none, none, none, none, none};
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];
-        for (uint32_t a = 0; a < 3; a++) {
-            flight->aim.inverse[a] = inverse[a][i];
-            flight->aim.near_offset[a] = near_offset[a][i];
-            flight->aim.far_offset[a] = far_offset[a][i];
-            flight->aim.origin[a] = packet.origin[a][i];
-            flight->aim.direction[a] = packet.direction[a][i];
-            flight->aim.axis[a] = axis[a];
-            flight->aim.near_plane[a] = 2u * a + (packet.group >> a & 1u);
-        }
-        flight->aim.shear[0] = packet.shear[0][i];
-        flight->aim.shear[1] = packet.shear[1][i];
-        flight->aim.inverse_z = packet.inverse_z[i];
-        flight->aim.t_by_z = packet.t_by_z[i];
-        flight->aim.t_near = packet.t_near[i];
-        flight->aim.t_far = packet.t_far[i];
+        flight->aim.t_by_z = p.t_by_z[i];
         flight->aim.unit = flight->aim.inverse_unit = 1.0;
-        flight->best.t = packet.best_t[i];
+        flight->best.t = p.best_t[i];
         flight->best.u = flight->best.v = 0.0f;
         flight->best.instance = flight->best.primitive = HYK_NONE;
-        flight->t_min = packet.t_min[i];
+        flight->t_min = p.t_min[i];
         flight->ray = &rays[numbers[i]];
     }
     return true;
@@ -11729,12 +12327,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
     for (uint32_t i = 0; i < packet->count; i++) {
         hyi_best *best = &swarm->flights[packet->ray[i]].best;
+        best->instance = packet->instance[i];
         if (packet->weights[2][i] == 0.0) continue;
         double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
         best->t = packet->best_t[i];
         best->u = (float)(packet->weights[0][i] * inverse);
         best->v = (float)(packet->weights[1][i] * inverse);
-        best->instance = packet->instance[i];
         best->primitive = packet->primitive[i];
     }
 }
@@ -11743,6 +12341,24 @@ HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_pack
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
+
+/* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
+   how many these are. Without a branch: it would be taken by chance. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, const hyi_node *node, uint32_t c, uint32_t *list, uint32_t count) {
+    float x = node->planes[swarm->near_plane[0]][c], y = node->planes[swarm->near_plane[1]][c], z = node->planes[swarm->near_plane[2]][c];
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t ray = list[i];
+        const hyi_aim *aim = &swarm->flights[ray].aim;
+        float tx = x * aim->inverse[0] + aim->near_offset[0], ty = y * aim->inverse[1] + aim->near_offset[1], tz = z * aim->inverse[2] + aim->near_offset[2];
+        float enter = tx > ty ? tx : ty;
+        enter = tz > enter ? tz : enter;
+        list[kept] = ray;
+        kept += enter <= aim->t_far ? 1u : 0u;
+    }
+    return kept;
+}
 
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
@@ -11763,11 +12379,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_nod
             HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
                                   : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
-            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+            uint32_t met = HYI_BITS8(mask);
+            if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
+            masks.bytes[i] = (uint8_t)met;
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
     HYI_STORE8(nearest, least);
+}
+
+/* Orders all children by t, nearest first, without a branch: a child comes after as many as are nearer, or as near with a
+   smaller number. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], uint32_t order[HYI_WIDTH]) {
+    HYI_F8 all = HYI_LOADU8(t);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        HYI_F8 one = HYI_SET8(t[c]);
+        order[hyi_count_bits(HYI_BITS8(HYI_LT8(all, one)) | (HYI_BITS8(HYI_LE8(all, one)) & ((1u << c) - 1u)))] = c;
+    }
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
@@ -11775,13 +12403,19 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t
     uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) mask |= (dealt[c] ? 1u : 0u) << c;
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        mask |= (dealt[c] ? 1u : 0u) << c;
+        nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by the bounds of a packet, but by none of its rays */
+    }
     if (swarm->site.bvh->rows)
         for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
-    uint32_t children = hyi_order_children(mask, nearest, order);
+    HYI_I(hyi_order_children)(nearest, order);
+    uint32_t children = hyi_count_bits(mask);
     for (uint32_t i = 0; i < children; i++) {
         uint32_t c = order[i];
-        if (packets && hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
+        if (leaf && packets) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        else if (leaf) HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]));
         else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
     }
 }
@@ -11913,11 +12547,12 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
         if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
         if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
     }
+    for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
 }
 
-/* Packets of those among count rays that are alike; numbers of the others go to others, and are counted. */
+/* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
-                                                     uint8_t *occluded, uint32_t count, uint32_t *others) {
+                                                     uint8_t *occluded, uint32_t count, uint32_t *others, uint8_t *keys) {
     hyi_swarm swarm;
     uint32_t made = 0, rest = 0;
     swarm.site = *site;
@@ -11928,9 +12563,14 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
     swarm.any = occluded != NULL;
     for (uint32_t first = 0; first < count; first += HYI_LANES) {
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) made++;
-        else
-            for (uint32_t i = 0; i < some; i++) others[rest++] = first + i;
+        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
+            made++;
+            continue;
+        }
+        for (uint32_t i = first; i < first + some; i++) {
+            others[rest] = i;
+            keys[rest++] = hyi_direction_key(hyi_load_ray(&rays[i]).direction);
+        }
     }
     if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
     for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
@@ -11939,9 +12579,11 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
 #undef HYI_ADD4
+#undef HYI_ADD8
 #undef HYI_ADDD
 #undef HYI_ADDW
 #undef HYI_ALLW
+#undef HYI_ALWAYS_EXACT
 #undef HYI_AND4
 #undef HYI_AND8
 #undef HYI_ANDW
@@ -11956,6 +12598,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_DEAL
 #undef HYI_DIV2
 #undef HYI_DIV4
+#undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
 #undef HYI_F4
@@ -11968,6 +12611,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
+#undef HYI_LINES
 #undef HYI_LE4
 #undef HYI_LE8
 #undef HYI_LEAST4
@@ -12251,14 +12895,17 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 }
 
 #define HYI_F8 HYI_I(hyi_f8)
+#define HYI_ALWAYS_EXACT 0
 #define HYI_M8 HYI_I(hyi_m8)
 #define HYI_LOAD8(p) HYI_I(hyi_load_plane)(p)
 #define HYI_LOADU8(p) HYI_I(hyi_load8)(p)
 #define HYI_STORE8(p, a) HYI_I(hyi_store8)(p, a)
 #define HYI_SET8(value) HYI_I(hyi_set8)(value)
 #define HYI_ZERO8() HYI_I(hyi_set8)(0.0f)
+#define HYI_ADD8(a, b) HYI_I(hyi_add8)(a, b)
 #define HYI_SUB8(a, b) HYI_I(hyi_sub8)(a, b)
 #define HYI_MUL8(a, b) HYI_I(hyi_mul8)(a, b)
+#define HYI_DIV8(a, b) HYI_I(hyi_div8)(a, b)
 #define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
 #define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
 #define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
@@ -12269,6 +12916,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
 #define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
+#define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW HYI_F8
@@ -12277,10 +12925,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_STOREW(p, a) HYI_STORE8(p, a)
 #define HYI_SETW(value) HYI_SET8(value)
 #define HYI_ZEROW() HYI_ZERO8()
-#define HYI_ADDW(a, b) HYI_I(hyi_add8)(a, b)
+#define HYI_ADDW(a, b) HYI_ADD8(a, b)
 #define HYI_SUBW(a, b) HYI_SUB8(a, b)
 #define HYI_MULW(a, b) HYI_MUL8(a, b)
-#define HYI_DIVW(a, b) HYI_I(hyi_div8)(a, b)
+#define HYI_DIVW(a, b) HYI_DIV8(a, b)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
@@ -12356,26 +13004,72 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
-   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
-    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
-    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
-    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
-    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
-    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
-    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
-    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
-    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
-    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
+
+/* What eight triangles are to a ray. */
+typedef struct HYI_I(hyi_verdicts) {
+    uint32_t possible;        /* bits of those that it may hit */
+    uint32_t certain;         /* of those that it hits, from t_near on, whatever the closer look would round */
+    float least[8], most[8];  /* between these lies t of the certain ones */
+} HYI_I(hyi_verdicts);
+
+/* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
+   corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
+   corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
+   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+                                                      HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
+    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
+        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
+    }
+    HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
+    HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
+    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
+    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    verdicts->possible &= ~HYI_BITS8(missed);
+    verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
+    HYI_STORE8(verdicts->least, least);
+    HYI_STORE8(verdicts->most, most);
+}
+
+/* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_verdicts) verdicts;
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
+    HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
+    HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
+    verdicts.certain = 0;
+    if (verdicts.possible && !exact)
+        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    return verdicts;
 }
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
-    bool found = false;
-    for (; mask; mask &= mask - 1u) {
-        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (verdicts.certain >> lane & 1u) {
+            if (verdicts.least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+        } else {
+            found = hyi_offer(site, flight, leaf, lane) || found;
+        }
         if (found && any) break;
     }
     return found;
@@ -12401,7 +13095,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
         }
         do {
-            if (top == stack) return;
+            if (top == stack) {
+                hyi_settle(site, flight);
+                return;
+            }
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
@@ -12498,6 +13195,16 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, cons
     return HYI_BITSW(HYI_LEW(first, last)) != 0u;
 }
 
+/* Of the children in mask, those whose box some ray of a packet meets. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_boxes_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t mask) {
+    uint32_t met = mask;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t c = hyi_lowest_bit(mask);
+        met &= ~((HYI_I(hyi_meet_box_each)(swarm, p, node, c) ? 0u : 1u) << c);
+    }
+    return met;
+}
+
 /* ---- triangles */
 
 /* A corner in the sheared frames of the rays of a packet. */
@@ -12519,8 +13226,8 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
-/* Bits of the rays that need a closer look at one triangle: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
+/* Which rays certainly miss one triangle: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_miss_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
     HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
     HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
     HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
@@ -12529,7 +13236,41 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *pa
     HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
     HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
     HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
-    return ~HYI_BITSW(HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early))) & HYI_ALLW;
+    return HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early));
+}
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
+
+/* Of one triangle that rays may hit but those in out, where any hit does: stops the rays that certainly hit it; left: the
+   others, without those that turn out to miss it. hyi_judge_triangles, for all rays. Returns whether it stopped any. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
+    HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
+    HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), across = zero, along = zero;
+    HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
+    HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(k[i].x), HYI_I(hyi_size_all)(k[i].y)));
+        along = HYI_MAXW(along, HYI_I(hyi_size_all)(k[i].z));
+    }
+    HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
+    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(a, ta), HYI_MULW(b, tb)), HYI_MULW(c, tc)), inverse);
+    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(first), HYI_I(hyi_size_all)(last));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
+    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
+    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MAXW(HYI_MULW(HYI_SETW(4.0f), noise), HYI_SETW(HYI_EDGE_LEAST)), HYI_I(hyi_size_all)(sum)));
+    HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
+    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
+    HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
+    uint32_t stopped = HYI_BITSW(hit) & ~HYI_BITSW(out);
+    *left = HYI_ALLW & ~(stopped | HYI_BITSW(HYI_ORW(out, missed)));
+    if (stopped == 0) return false;
+    for (uint32_t some = stopped; some; some &= some - 1u) {
+        packet->t_far[hyi_lowest_bit(some)] = -FLT_MAX;
+        packet->instance[hyi_lowest_bit(some)] = swarm->site.instance;
+    }
+    return true;
 }
 
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
@@ -12606,8 +13347,8 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
     return true;
 }
 
-/* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+/* Decides on triangle number t of a leaf for the rays in mask. Returns whether one of them was hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
                                                    const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
     double corner[3], n[3], z[3];
     for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
@@ -12627,10 +13368,25 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return found;
 }
 
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                     HYI_I(hyi_corner_all) corners[3]) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t triangles = hyi_leaf_count(leaf);
+    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + triangle, triangles);
+}
+
+/* Offers triangle number t of a leaf to all rays but those in out, which miss it. Returns whether one of them hits it. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                   const HYI_I(hyi_corner_all) corners[3], HYI_MW out) {
+    uint32_t left = ~HYI_BITSW(out) & HYI_ALLW;
+    bool found = left && swarm->any && !swarm->site.asks_alpha && HYI_I(hyi_stop_certain)(swarm, packet, corners, out, &left);
+    if (left && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, corners, left)) found = true;
+    return found;
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                     const hyi_node *node, uint32_t c) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
@@ -12638,9 +13394,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
         for (uint32_t t = 0; t < triangles; t++) {
             HYI_I(hyi_corner_all) corners[3];
-            for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + t, triangles);
-            uint32_t mask = HYI_I(hyi_meet_triangle_all)(packet, corners);
-            if (mask && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, mask)) found = true;
+            HYI_I(hyi_shear_triangle)(swarm, packet, leaf, t, corners);
+            if (HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, HYI_I(hyi_miss_triangle_all)(packet, corners))) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
@@ -12652,6 +13407,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
     float low[3], high[3], extent = 0.0f, z = 0.0f;
     uint32_t axis = packet->group >> 3;
+    packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
         if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
@@ -12665,6 +13421,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     z = below > above ? below : above;
     for (int a = 0; a < 3; a++) {
         if (!(high[a] - low[a] <= HYI_PACKET_ORIGINS * extent)) return false;
+        if (high[a] > low[a]) packet->spread = 1;
         float from_low = hyi_reach(box, low[a], a, false), from_high = hyi_reach(box, high[a], a, false);
         float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
         float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
@@ -12785,33 +13542,31 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t 
 /* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
     float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
-    hyi_packet packet;
-    uint32_t axis[3];
-    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &packet, o, inverse)) return false;
-    HYI_I(hyi_offset_lanes)(&bvh->scaled, packet.group, o, inverse, near_offset, far_offset);
-    hyi_group_axes(packet.group, axis);
+    uint32_t plane[3][HYI_PACKET_WIDTH], axes[3][HYI_PACKET_WIDTH], none[HYI_PACKET_WIDTH] = {0}, axis[3];
+    hyi_packet p;
+    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &p, o, inverse)) return false;
+    HYI_I(hyi_offset_lanes)(&bvh->scaled, p.group, o, inverse, near_offset, far_offset);
+    hyi_group_axes(p.group, axis);
+    for (uint32_t a = 0; a < 3; a++) {
+        for (uint32_t i = 0; i < HYI_LANES; i++) {
+            plane[a][i] = 2u * a + (p.group >> a & 1u);
+            axes[a][i] = axis[a];
+        }
+    }
+    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
+                             p.t_near, p.t_far, plane[0], plane[1], plane[2], p.inverse_z, p.best_t};
+    const void *triangles[16] = {p.origin[0], p.origin[1], p.origin[2], p.shear[0], p.shear[1], axes[0], axes[1], axes[2],
+                                 p.direction[0], p.direction[1], p.direction[2], none, none, none, none, none};
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];
-        for (uint32_t a = 0; a < 3; a++) {
-            flight->aim.inverse[a] = inverse[a][i];
-            flight->aim.near_offset[a] = near_offset[a][i];
-            flight->aim.far_offset[a] = far_offset[a][i];
-            flight->aim.origin[a] = packet.origin[a][i];
-            flight->aim.direction[a] = packet.direction[a][i];
-            flight->aim.axis[a] = axis[a];
-            flight->aim.near_plane[a] = 2u * a + (packet.group >> a & 1u);
-        }
-        flight->aim.shear[0] = packet.shear[0][i];
-        flight->aim.shear[1] = packet.shear[1][i];
-        flight->aim.inverse_z = packet.inverse_z[i];
-        flight->aim.t_by_z = packet.t_by_z[i];
-        flight->aim.t_near = packet.t_near[i];
-        flight->aim.t_far = packet.t_far[i];
+        flight->aim.t_by_z = p.t_by_z[i];
         flight->aim.unit = flight->aim.inverse_unit = 1.0;
-        flight->best.t = packet.best_t[i];
+        flight->best.t = p.best_t[i];
         flight->best.u = flight->best.v = 0.0f;
         flight->best.instance = flight->best.primitive = HYK_NONE;
-        flight->t_min = packet.t_min[i];
+        flight->t_min = p.t_min[i];
         flight->ray = &rays[numbers[i]];
     }
     return true;
@@ -12869,12 +13624,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
     for (uint32_t i = 0; i < packet->count; i++) {
         hyi_best *best = &swarm->flights[packet->ray[i]].best;
+        best->instance = packet->instance[i];
         if (packet->weights[2][i] == 0.0) continue;
         double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
         best->t = packet->best_t[i];
         best->u = (float)(packet->weights[0][i] * inverse);
         best->v = (float)(packet->weights[1][i] * inverse);
-        best->instance = packet->instance[i];
         best->primitive = packet->primitive[i];
     }
 }
@@ -12883,6 +13638,24 @@ HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_pack
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
+
+/* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
+   how many these are. Without a branch: it would be taken by chance. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, const hyi_node *node, uint32_t c, uint32_t *list, uint32_t count) {
+    float x = node->planes[swarm->near_plane[0]][c], y = node->planes[swarm->near_plane[1]][c], z = node->planes[swarm->near_plane[2]][c];
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t ray = list[i];
+        const hyi_aim *aim = &swarm->flights[ray].aim;
+        float tx = x * aim->inverse[0] + aim->near_offset[0], ty = y * aim->inverse[1] + aim->near_offset[1], tz = z * aim->inverse[2] + aim->near_offset[2];
+        float enter = tx > ty ? tx : ty;
+        enter = tz > enter ? tz : enter;
+        list[kept] = ray;
+        kept += enter <= aim->t_far ? 1u : 0u;
+    }
+    return kept;
+}
 
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
@@ -12903,11 +13676,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_nod
             HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
                                   : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
-            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+            uint32_t met = HYI_BITS8(mask);
+            if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
+            masks.bytes[i] = (uint8_t)met;
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
     HYI_STORE8(nearest, least);
+}
+
+/* Orders all children by t, nearest first, without a branch: a child comes after as many as are nearer, or as near with a
+   smaller number. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], uint32_t order[HYI_WIDTH]) {
+    HYI_F8 all = HYI_LOADU8(t);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        HYI_F8 one = HYI_SET8(t[c]);
+        order[hyi_count_bits(HYI_BITS8(HYI_LT8(all, one)) | (HYI_BITS8(HYI_LE8(all, one)) & ((1u << c) - 1u)))] = c;
+    }
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
@@ -12915,13 +13700,19 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t
     uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) mask |= (dealt[c] ? 1u : 0u) << c;
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        mask |= (dealt[c] ? 1u : 0u) << c;
+        nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by the bounds of a packet, but by none of its rays */
+    }
     if (swarm->site.bvh->rows)
         for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
-    uint32_t children = hyi_order_children(mask, nearest, order);
+    HYI_I(hyi_order_children)(nearest, order);
+    uint32_t children = hyi_count_bits(mask);
     for (uint32_t i = 0; i < children; i++) {
         uint32_t c = order[i];
-        if (packets && hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
+        if (leaf && packets) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        else if (leaf) HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]));
         else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
     }
 }
@@ -13053,11 +13844,12 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
         if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
         if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
     }
+    for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
 }
 
-/* Packets of those among count rays that are alike; numbers of the others go to others, and are counted. */
+/* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
-                                                     uint8_t *occluded, uint32_t count, uint32_t *others) {
+                                                     uint8_t *occluded, uint32_t count, uint32_t *others, uint8_t *keys) {
     hyi_swarm swarm;
     uint32_t made = 0, rest = 0;
     swarm.site = *site;
@@ -13068,9 +13860,14 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
     swarm.any = occluded != NULL;
     for (uint32_t first = 0; first < count; first += HYI_LANES) {
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) made++;
-        else
-            for (uint32_t i = 0; i < some; i++) others[rest++] = first + i;
+        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
+            made++;
+            continue;
+        }
+        for (uint32_t i = first; i < first + some; i++) {
+            others[rest] = i;
+            keys[rest++] = hyi_direction_key(hyi_load_ray(&rays[i]).direction);
+        }
     }
     if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
     for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
@@ -13079,9 +13876,11 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
 #undef HYI_ADD4
+#undef HYI_ADD8
 #undef HYI_ADDD
 #undef HYI_ADDW
 #undef HYI_ALLW
+#undef HYI_ALWAYS_EXACT
 #undef HYI_AND4
 #undef HYI_AND8
 #undef HYI_ANDW
@@ -13096,6 +13895,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_DEAL
 #undef HYI_DIV2
 #undef HYI_DIV4
+#undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
 #undef HYI_F4
@@ -13108,6 +13908,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
+#undef HYI_LINES
 #undef HYI_LE4
 #undef HYI_LE8
 #undef HYI_LEAST4
@@ -13231,14 +14032,19 @@ HYI_INLINE hyi_ray_stream hyi_plan_ray_stream(const hyi_accel *accel, size_t cou
     stream.capacity = count < HYI_STREAM_RAYS ? ((uint32_t)count + 15u) & ~15u : HYI_STREAM_RAYS;
     stream.packet_share = stream.capacity / hyi_isa_lanes(accel->isa) + HYI_RAY_GROUPS;
     stream.sorted = sorted;
-    stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + sorted / 4u + 2u * HYI_LIST_RESERVE;
+    stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + 2u * HYI_LIST_RESERVE;
     return stream;
+}
+
+/* Whole cache lines: flights begin after them. */
+HYI_INLINE size_t hyi_packets_bytes(const hyi_ray_stream *stream) {
+    return (stream->levels * stream->packet_share * sizeof *stream->packets + 63u) & ~(size_t)63u;
 }
 
 HYI_INLINE size_t hyi_ray_stream_bytes(const hyi_ray_stream *stream) {
     if (stream->capacity == 0) return 0;
-    return stream->levels * (stream->capacity * sizeof *stream->flights + stream->packet_share * sizeof *stream->packets) +
-           (2u * (size_t)stream->sorted + stream->list_count) * sizeof(uint32_t);
+    return hyi_packets_bytes(stream) + stream->levels * stream->capacity * sizeof *stream->flights +
+           (2u * (size_t)stream->sorted + stream->list_count) * sizeof(uint32_t) + stream->sorted;
 }
 
 HYI_FN void hyi_ray_stream_free(hydra_context *context, hyi_ray_stream *stream) {
@@ -13254,9 +14060,10 @@ HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel
     if (result != HYDRA_OK) memset(stream, 0, sizeof *stream);
     if (stream->capacity == 0) return result;
     stream->packets = (hyi_packet *)block;
-    stream->flights = (hyi_flight *)(void *)(stream->packets + stream->levels * stream->packet_share);
+    stream->flights = (hyi_flight *)(void *)((char *)block + hyi_packets_bytes(stream));
     stream->lists = (uint32_t *)(void *)(stream->flights + stream->levels * stream->capacity);
     stream->order = stream->lists + stream->list_count;
+    stream->keys = (uint8_t *)(void *)(stream->order + 2u * stream->sorted);
     return HYDRA_OK;
 }
 
@@ -13289,12 +14096,6 @@ HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, hyk_h
 }
 
 /* ---- streams */
-
-HYI_INLINE uint8_t hyi_direction_key(hyk_vec3 d) {
-    float x = fabsf(d.x), y = fabsf(d.y), z = fabsf(d.z);
-    uint32_t axis = z > x && z > y ? 2u : x >= y ? 0u : 1u;
-    return (uint8_t)((d.x < 0.0f ? 1u : 0u) | (d.y < 0.0f ? 2u : 0u) | (d.z < 0.0f ? 4u : 0u) | axis << 3);
-}
 
 /* Begins the flights of some rays one by one; those that meet nothing are answered at once. Returns how many fly. */
 HYI_FN uint32_t hyi_begin_each(const hyi_site *site, hyi_flight *flights, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
@@ -13339,10 +14140,8 @@ HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const 
 HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
                              const uint32_t *others, uint32_t *sorted, uint32_t count) {
     uint32_t starts[HYI_RAY_GROUPS + 1];
-    uint8_t *keys = (uint8_t *)(void *)stream->lists;
     bool sound = true;
-    for (uint32_t i = 0; i < count; i++) keys[i] = hyi_direction_key(hyi_load_ray(&rays[others[i]]).direction);
-    hyi_group(keys, count, sorted, starts);
+    hyi_group(stream->keys, count, sorted, starts);
     for (uint32_t i = 0; i < count; i++) sorted[i] = others[sorted[i]];
     for (uint32_t at = 0; at < count; at += stream->capacity) {
         uint32_t slice = count - at < stream->capacity ? count - at : stream->capacity;
@@ -13351,14 +14150,14 @@ HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const
     return sound;
 }
 
-/* Up to HYI_STREAM_SORTED rays: the alike go in packets, the rest is listed in others and counted. */
+/* Up to HYI_STREAM_SORTED rays: the alike go in packets, the rest is listed in others, with its keys, and counted. */
 HYI_FN uint32_t hyi_trace_alike(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
                                 uint32_t count, uint32_t *others) {
     uint32_t rest = 0;
     for (uint32_t first = 0; first < count; first += stream->capacity) {
         uint32_t some = count - first < stream->capacity ? count - first : stream->capacity, left = 0;
         HYI_DISPATCH_VECTOR(site->accel->isa, left = hyi_run_alike_rays,
-                     (site, stream, rays + first, hits ? hits + first : NULL, occluded ? occluded + first : NULL, some, others + rest))
+                     (site, stream, rays + first, hits ? hits + first : NULL, occluded ? occluded + first : NULL, some, others + rest, stream->keys + rest))
         for (uint32_t i = 0; i < left; i++) others[rest + i] += first;
         rest += left;
     }
@@ -13376,7 +14175,10 @@ HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, con
         uint32_t rest = some;
         if (site.bvh->rows) rest = hyi_trace_alike(&site, stream, rays + first, at_hits, at_occluded, some, others);
         else
-            for (uint32_t i = 0; i < some; i++) others[i] = i;
+            for (uint32_t i = 0; i < some; i++) {
+                others[i] = i;
+                stream->keys[i] = hyi_direction_key(hyi_load_ray(&rays[first + i]).direction);
+            }
         sound = hyi_trace_others(&site, stream, rays + first, at_hits, at_occluded, others, sorted, rest) && sound;
     }
     return sound;

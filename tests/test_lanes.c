@@ -255,6 +255,23 @@ static void instances_and_holes(void **state) {
     }
 }
 
+/* Twenty triangles almost in one place each: t differs in the last bits. Catches: hits that are taken for certain, or for the
+   nearest, or for missed, before they are worked out. */
+static void thin_layers(void **state) {
+    (void)state;
+    static tl_scene s;
+    ht_rng rng = ht_rng_make(5);
+    for (uint32_t k = 0; k < 2; k++) {
+        ht_mesh one = ht_soup(&rng, 60, 1, 0.5f), mesh = ht_soup(&rng, 60, 1, 0.5f);
+        for (uint32_t layer = 0; layer < 20; layer++) ht_mesh_append(&mesh, &one);
+        ht_mesh_jitter(&mesh, &rng, k ? 1e-7f : 3e-6f);
+        ht_mesh_free(&one);
+        tl_begin(&s);
+        tl_add(&s, mesh, HYDRA_ALPHA_OPAQUE);
+        tl_all_kinds(&s, 16 + k);
+    }
+}
+
 /* Triangles of sizes down to 1e-30 around one point: the deepest trees. Catches: lists that outgrow their memory. */
 static void deep_trees(void **state) {
     (void)state;
@@ -304,6 +321,7 @@ int hydra_test_lanes(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(meshes_alone),
         cmocka_unit_test(instances_and_holes),
+        cmocka_unit_test(thin_layers),
         cmocka_unit_test(deep_trees),
         cmocka_unit_test(many_rays),
     };

@@ -108,17 +108,44 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
     }
 }
 
+/* hyi_lines: two transpositions of eight by eight, in three steps each. */
+HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines) {
+    for (int side = 0; side < 2; side++) {
+        __m256 a[8], b[8];
+        for (int i = 0; i < 8; i++) a[i] = _mm256_loadu_ps((const float *)rows[8 * side + i]);
+        for (int i = 0; i < 8; i += 2) {
+            b[i] = _mm256_unpacklo_ps(a[i], a[i + 1]);
+            b[i + 1] = _mm256_unpackhi_ps(a[i], a[i + 1]);
+        }
+        for (int i = 0; i < 8; i += 4) {
+            for (int k = 0; k < 2; k++) {
+                a[i + 2 * k] = _mm256_shuffle_ps(b[i + k], b[i + k + 2], 0x44);
+                a[i + 2 * k + 1] = _mm256_shuffle_ps(b[i + k], b[i + k + 2], 0xee);
+            }
+        }
+        for (int k = 0; k < 4; k++) {
+            float *low = (float *)(void *)(lines + (size_t)(uint32_t)k * sizeof(hyi_flight)) + 8 * side;
+            float *high = (float *)(void *)(lines + (size_t)(uint32_t)(k + 4) * sizeof(hyi_flight)) + 8 * side;
+            _mm256_store_ps(low, _mm256_permute2f128_ps(a[k], a[k + 4], 0x20));
+            _mm256_store_ps(high, _mm256_permute2f128_ps(a[k], a[k + 4], 0x31));
+        }
+    }
+}
+
 #define HYI_TARGET HYI_AVX2
 #define HYI_I(name) name##_avx2
 #define HYI_F8 __m256
+#define HYI_ALWAYS_EXACT 0
 #define HYI_M8 __m256
 #define HYI_LOAD8(p) _mm256_load_ps(p)
 #define HYI_LOADU8(p) _mm256_loadu_ps(p)
 #define HYI_STORE8(p, a) _mm256_storeu_ps(p, a)
 #define HYI_SET8(value) _mm256_set1_ps(value)
 #define HYI_ZERO8() _mm256_setzero_ps()
+#define HYI_ADD8(a, b) _mm256_add_ps(a, b)
 #define HYI_SUB8(a, b) _mm256_sub_ps(a, b)
 #define HYI_MUL8(a, b) _mm256_mul_ps(a, b)
+#define HYI_DIV8(a, b) _mm256_div_ps(a, b)
 #define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
 #define HYI_MIN8(a, b) _mm256_min_ps(a, b)
 #define HYI_MAX8(a, b) _mm256_max_ps(a, b)
@@ -129,6 +156,7 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
 #define HYI_BITS8(m) ((uint32_t)_mm256_movemask_ps(m))
 #define HYI_MIN8_WHERE(a, m, b) _mm256_blendv_ps(a, _mm256_min_ps(a, b), m)
 #define HYI_PIN8(a) hyi_pin8_avx2(a)
+#define HYI_LINES(rows, lines) hyi_lines_avx2(rows, lines)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW __m256

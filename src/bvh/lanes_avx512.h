@@ -51,17 +51,49 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
     }
 }
 
+/* hyi_lines: a transposition in four steps. */
+HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *lines) {
+    __m512 a[16], b[16];
+    for (int i = 0; i < 16; i++) a[i] = _mm512_loadu_ps(rows[i]);
+    for (int i = 0; i < 16; i += 2) {
+        b[i] = _mm512_unpacklo_ps(a[i], a[i + 1]);
+        b[i + 1] = _mm512_unpackhi_ps(a[i], a[i + 1]);
+    }
+    for (int i = 0; i < 16; i += 4) {
+        for (int k = 0; k < 2; k++) {
+            __m512d low = _mm512_castps_pd(b[i + k]), high = _mm512_castps_pd(b[i + k + 2]);
+            a[i + 2 * k] = _mm512_castpd_ps(_mm512_unpacklo_pd(low, high));
+            a[i + 2 * k + 1] = _mm512_castpd_ps(_mm512_unpackhi_pd(low, high));
+        }
+    }
+    for (int i = 0; i < 16; i += 8) {
+        for (int k = 0; k < 4; k++) {
+            b[i + k] = _mm512_shuffle_f32x4(a[i + k], a[i + k + 4], 0x88);
+            b[i + k + 4] = _mm512_shuffle_f32x4(a[i + k], a[i + k + 4], 0xdd);
+        }
+    }
+    for (int k = 0; k < 8; k++) {
+        char *low = lines + (size_t)(uint32_t)k * sizeof(hyi_flight);
+        _mm512_store_ps((float *)(void *)low, _mm512_shuffle_f32x4(b[k], b[k + 8], 0x88));
+        _mm512_store_ps((float *)(void *)(low + 8u * sizeof(hyi_flight)), _mm512_shuffle_f32x4(b[k], b[k + 8], 0xdd));
+    }
+}
+
 #define HYI_TARGET HYI_AVX512
+#define HYI_LINES(rows, lines) hyi_lines_avx512(rows, lines)
 #define HYI_I(name) name##_avx512
 #define HYI_F8 __m256
+#define HYI_ALWAYS_EXACT 0
 #define HYI_M8 __mmask8
 #define HYI_LOAD8(p) _mm256_load_ps(p)
 #define HYI_LOADU8(p) _mm256_loadu_ps(p)
 #define HYI_STORE8(p, a) _mm256_storeu_ps(p, a)
 #define HYI_SET8(value) _mm256_set1_ps(value)
 #define HYI_ZERO8() _mm256_setzero_ps()
+#define HYI_ADD8(a, b) _mm256_add_ps(a, b)
 #define HYI_SUB8(a, b) _mm256_sub_ps(a, b)
 #define HYI_MUL8(a, b) _mm256_mul_ps(a, b)
+#define HYI_DIV8(a, b) _mm256_div_ps(a, b)
 #define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
 #define HYI_MIN8(a, b) _mm256_min_ps(a, b)
 #define HYI_MAX8(a, b) _mm256_max_ps(a, b)

@@ -1,9 +1,11 @@
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
 #undef HYI_ADD4
+#undef HYI_ADD8
 #undef HYI_ADDD
 #undef HYI_ADDW
 #undef HYI_ALLW
+#undef HYI_ALWAYS_EXACT
 #undef HYI_AND4
 #undef HYI_AND8
 #undef HYI_ANDW
@@ -18,6 +20,7 @@
 #undef HYI_DEAL
 #undef HYI_DIV2
 #undef HYI_DIV4
+#undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
 #undef HYI_F4
@@ -30,6 +33,7 @@
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
+#undef HYI_LINES
 #undef HYI_LE4
 #undef HYI_LE8
 #undef HYI_LEAST4

@@ -139,14 +139,17 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 }
 
 #define HYI_F8 HYI_I(hyi_f8)
+#define HYI_ALWAYS_EXACT 0
 #define HYI_M8 HYI_I(hyi_m8)
 #define HYI_LOAD8(p) HYI_I(hyi_load_plane)(p)
 #define HYI_LOADU8(p) HYI_I(hyi_load8)(p)
 #define HYI_STORE8(p, a) HYI_I(hyi_store8)(p, a)
 #define HYI_SET8(value) HYI_I(hyi_set8)(value)
 #define HYI_ZERO8() HYI_I(hyi_set8)(0.0f)
+#define HYI_ADD8(a, b) HYI_I(hyi_add8)(a, b)
 #define HYI_SUB8(a, b) HYI_I(hyi_sub8)(a, b)
 #define HYI_MUL8(a, b) HYI_I(hyi_mul8)(a, b)
+#define HYI_DIV8(a, b) HYI_I(hyi_div8)(a, b)
 #define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
 #define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
 #define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
@@ -157,6 +160,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
 #define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
+#define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW HYI_F8
@@ -165,10 +169,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_STOREW(p, a) HYI_STORE8(p, a)
 #define HYI_SETW(value) HYI_SET8(value)
 #define HYI_ZEROW() HYI_ZERO8()
-#define HYI_ADDW(a, b) HYI_I(hyi_add8)(a, b)
+#define HYI_ADDW(a, b) HYI_ADD8(a, b)
 #define HYI_SUBW(a, b) HYI_SUB8(a, b)
 #define HYI_MULW(a, b) HYI_MUL8(a, b)
-#define HYI_DIVW(a, b) HYI_I(hyi_div8)(a, b)
+#define HYI_DIVW(a, b) HYI_DIV8(a, b)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
 #define HYI_LTW(a, b) HYI_LT8(a, b)

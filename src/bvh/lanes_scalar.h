@@ -14,8 +14,10 @@ typedef struct hyi_f8 {
         for (int i = 0; i < 8; i++) r.v[i] = (expression); \
         return r;                                     \
     }
+HYI_EIGHT(hyi_add8_scalar, a.v[i] + b.v[i])
 HYI_EIGHT(hyi_sub8_scalar, a.v[i] - b.v[i])
 HYI_EIGHT(hyi_mul8_scalar, a.v[i] * b.v[i])
+HYI_EIGHT(hyi_div8_scalar, a.v[i] / b.v[i])
 HYI_EIGHT(hyi_min8_scalar, b.v[i] < a.v[i] ? b.v[i] : a.v[i])
 HYI_EIGHT(hyi_max8_scalar, b.v[i] > a.v[i] ? b.v[i] : a.v[i])
 #undef HYI_EIGHT
@@ -55,6 +57,7 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 }
 
 #define HYI_TARGET
+#define HYI_ALWAYS_EXACT 1 /* eight judgements would cost more than the decisions that they spare */
 #define HYI_I(name) name##_scalar
 #define HYI_F8 hyi_f8
 #define HYI_M8 uint32_t
@@ -63,8 +66,10 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 #define HYI_STORE8(p, a) memcpy(p, (a).v, sizeof (a).v)
 #define HYI_SET8(value) hyi_set8_scalar(value)
 #define HYI_ZERO8() hyi_set8_scalar(0.0f)
+#define HYI_ADD8(a, b) hyi_add8_scalar(a, b)
 #define HYI_SUB8(a, b) hyi_sub8_scalar(a, b)
 #define HYI_MUL8(a, b) hyi_mul8_scalar(a, b)
+#define HYI_DIV8(a, b) hyi_div8_scalar(a, b)
 #define HYI_MAD8(a, b, c) hyi_mad8_scalar(a, b, c)
 #define HYI_MIN8(a, b) hyi_min8_scalar(a, b)
 #define HYI_MAX8(a, b) hyi_max8_scalar(a, b)

@@ -32,6 +32,16 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, cons
     return HYI_BITSW(HYI_LEW(first, last)) != 0u;
 }
 
+/* Of the children in mask, those whose box some ray of a packet meets. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_boxes_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t mask) {
+    uint32_t met = mask;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t c = hyi_lowest_bit(mask);
+        met &= ~((HYI_I(hyi_meet_box_each)(swarm, p, node, c) ? 0u : 1u) << c);
+    }
+    return met;
+}
+
 /* ---- triangles */
 
 /* A corner in the sheared frames of the rays of a packet. */
@@ -53,8 +63,8 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
-/* Bits of the rays that need a closer look at one triangle: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
+/* Which rays certainly miss one triangle: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_miss_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
     HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
     HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
     HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
@@ -63,7 +73,41 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangle_all)(const hyi_packet *pa
     HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
     HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
     HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
-    return ~HYI_BITSW(HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early))) & HYI_ALLW;
+    return HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early));
+}
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
+
+/* Of one triangle that rays may hit but those in out, where any hit does: stops the rays that certainly hit it; left: the
+   others, without those that turn out to miss it. hyi_judge_triangles, for all rays. Returns whether it stopped any. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
+    HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
+    HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), across = zero, along = zero;
+    HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
+    HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(k[i].x), HYI_I(hyi_size_all)(k[i].y)));
+        along = HYI_MAXW(along, HYI_I(hyi_size_all)(k[i].z));
+    }
+    HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
+    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(a, ta), HYI_MULW(b, tb)), HYI_MULW(c, tc)), inverse);
+    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(first), HYI_I(hyi_size_all)(last));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
+    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
+    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MAXW(HYI_MULW(HYI_SETW(4.0f), noise), HYI_SETW(HYI_EDGE_LEAST)), HYI_I(hyi_size_all)(sum)));
+    HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
+    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
+    HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
+    uint32_t stopped = HYI_BITSW(hit) & ~HYI_BITSW(out);
+    *left = HYI_ALLW & ~(stopped | HYI_BITSW(HYI_ORW(out, missed)));
+    if (stopped == 0) return false;
+    for (uint32_t some = stopped; some; some &= some - 1u) {
+        packet->t_far[hyi_lowest_bit(some)] = -FLT_MAX;
+        packet->instance[hyi_lowest_bit(some)] = swarm->site.instance;
+    }
+    return true;
 }
 
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
@@ -140,8 +184,8 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
     return true;
 }
 
-/* Offers triangle number t of a leaf to the rays in mask. Returns whether one of them was hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+/* Decides on triangle number t of a leaf for the rays in mask. Returns whether one of them was hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
                                                    const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
     double corner[3], n[3], z[3];
     for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
@@ -161,10 +205,25 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return found;
 }
 
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                     HYI_I(hyi_corner_all) corners[3]) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t triangles = hyi_leaf_count(leaf);
+    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + triangle, triangles);
+}
+
+/* Offers triangle number t of a leaf to all rays but those in out, which miss it. Returns whether one of them hits it. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                   const HYI_I(hyi_corner_all) corners[3], HYI_MW out) {
+    uint32_t left = ~HYI_BITSW(out) & HYI_ALLW;
+    bool found = left && swarm->any && !swarm->site.asks_alpha && HYI_I(hyi_stop_certain)(swarm, packet, corners, out, &left);
+    if (left && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, corners, left)) found = true;
+    return found;
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                     const hyi_node *node, uint32_t c) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
@@ -172,9 +231,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
         for (uint32_t t = 0; t < triangles; t++) {
             HYI_I(hyi_corner_all) corners[3];
-            for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + t, triangles);
-            uint32_t mask = HYI_I(hyi_meet_triangle_all)(packet, corners);
-            if (mask && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, mask)) found = true;
+            HYI_I(hyi_shear_triangle)(swarm, packet, leaf, t, corners);
+            if (HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, HYI_I(hyi_miss_triangle_all)(packet, corners))) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
@@ -186,6 +244,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
     float low[3], high[3], extent = 0.0f, z = 0.0f;
     uint32_t axis = packet->group >> 3;
+    packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
         if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
@@ -199,6 +258,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     z = below > above ? below : above;
     for (int a = 0; a < 3; a++) {
         if (!(high[a] - low[a] <= HYI_PACKET_ORIGINS * extent)) return false;
+        if (high[a] > low[a]) packet->spread = 1;
         float from_low = hyi_reach(box, low[a], a, false), from_high = hyi_reach(box, high[a], a, false);
         float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
         float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
@@ -319,33 +379,31 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t 
 /* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
     float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
-    hyi_packet packet;
-    uint32_t axis[3];
-    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &packet, o, inverse)) return false;
-    HYI_I(hyi_offset_lanes)(&bvh->scaled, packet.group, o, inverse, near_offset, far_offset);
-    hyi_group_axes(packet.group, axis);
+    uint32_t plane[3][HYI_PACKET_WIDTH], axes[3][HYI_PACKET_WIDTH], none[HYI_PACKET_WIDTH] = {0}, axis[3];
+    hyi_packet p;
+    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &p, o, inverse)) return false;
+    HYI_I(hyi_offset_lanes)(&bvh->scaled, p.group, o, inverse, near_offset, far_offset);
+    hyi_group_axes(p.group, axis);
+    for (uint32_t a = 0; a < 3; a++) {
+        for (uint32_t i = 0; i < HYI_LANES; i++) {
+            plane[a][i] = 2u * a + (p.group >> a & 1u);
+            axes[a][i] = axis[a];
+        }
+    }
+    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
+                             p.t_near, p.t_far, plane[0], plane[1], plane[2], p.inverse_z, p.best_t};
+    const void *triangles[16] = {p.origin[0], p.origin[1], p.origin[2], p.shear[0], p.shear[1], axes[0], axes[1], axes[2],
+                                 p.direction[0], p.direction[1], p.direction[2], none, none, none, none, none};
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];
-        for (uint32_t a = 0; a < 3; a++) {
-            flight->aim.inverse[a] = inverse[a][i];
-            flight->aim.near_offset[a] = near_offset[a][i];
-            flight->aim.far_offset[a] = far_offset[a][i];
-            flight->aim.origin[a] = packet.origin[a][i];
-            flight->aim.direction[a] = packet.direction[a][i];
-            flight->aim.axis[a] = axis[a];
-            flight->aim.near_plane[a] = 2u * a + (packet.group >> a & 1u);
-        }
-        flight->aim.shear[0] = packet.shear[0][i];
-        flight->aim.shear[1] = packet.shear[1][i];
-        flight->aim.inverse_z = packet.inverse_z[i];
-        flight->aim.t_by_z = packet.t_by_z[i];
-        flight->aim.t_near = packet.t_near[i];
-        flight->aim.t_far = packet.t_far[i];
+        flight->aim.t_by_z = p.t_by_z[i];
         flight->aim.unit = flight->aim.inverse_unit = 1.0;
-        flight->best.t = packet.best_t[i];
+        flight->best.t = p.best_t[i];
         flight->best.u = flight->best.v = 0.0f;
         flight->best.instance = flight->best.primitive = HYK_NONE;
-        flight->t_min = packet.t_min[i];
+        flight->t_min = p.t_min[i];
         flight->ray = &rays[numbers[i]];
     }
     return true;
@@ -403,12 +461,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
     for (uint32_t i = 0; i < packet->count; i++) {
         hyi_best *best = &swarm->flights[packet->ray[i]].best;
+        best->instance = packet->instance[i];
         if (packet->weights[2][i] == 0.0) continue;
         double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
         best->t = packet->best_t[i];
         best->u = (float)(packet->weights[0][i] * inverse);
         best->v = (float)(packet->weights[1][i] * inverse);
-        best->instance = packet->instance[i];
         best->primitive = packet->primitive[i];
     }
 }

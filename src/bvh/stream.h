@@ -16,7 +16,7 @@
 
 #include "walk.h"
 
-#define HYI_STREAM_RAYS 4096u    /* on their way at a time */
+#define HYI_STREAM_RAYS 2048u    /* on their way at a time */
 #define HYI_STREAM_SORTED 65536u /* sorted by direction at a time */
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
@@ -44,6 +44,7 @@ typedef struct hyi_packet {
     float near_origin[3], far_origin[3], inverse_low[3], inverse_high[3];
     float bound[3];                      /* of the error of each origin, by which slabs are thicker */
     float first_t, last_t;
+    uint32_t spread;                     /* 1: they begin at different points, and bounds of all say little of each */
     uint32_t count, group;               /* rays; what their directions have in common: see hyi_aim_group */
 } hyi_packet;
 
@@ -57,6 +58,7 @@ typedef struct hyi_ray_stream {
     hyi_flight *flights;   /* levels times capacity */
     uint32_t *lists;       /* list_count */
     uint32_t *order;       /* two times sorted */
+    uint8_t *keys;         /* sorted: of rays yet to be sorted by them */
     size_t list_count;
 } hyi_ray_stream;
 
@@ -71,6 +73,13 @@ typedef struct hyi_swarm {
     bool any;
 } hyi_swarm;
 
+/* Sixteen words of each of some rays, from rows of one word of all, to a line of each, one flight apart. */
+HYI_INLINE void hyi_lines(const void *const rows[16], char *lines, uint32_t rays) {
+    for (uint32_t i = 0; i < rays; i++)
+        for (uint32_t word = 0; word < 16u; word++)
+            memcpy(lines + i * sizeof(hyi_flight) + 4u * word, (const char *)rows[word] + 4u * i, 4);
+}
+
 /* Of eight items, which children each meets. */
 typedef union hyi_masks8 {
     uint8_t bytes[8];
@@ -79,6 +88,13 @@ typedef union hyi_masks8 {
 
 HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
     return (aim->near_plane[0] & 1u) | (aim->near_plane[1] & 1u) << 1 | (aim->near_plane[2] & 1u) << 2 | aim->axis[2] << 3;
+}
+
+/* The same of a ray that is not aimed yet, or nearly: ties between axes may fall otherwise. */
+HYI_INLINE uint8_t hyi_direction_key(hyk_vec3 d) {
+    float x = fabsf(d.x), y = fabsf(d.y), z = fabsf(d.z);
+    uint32_t axis = z > x && z > y ? 2u : x >= y ? 0u : 1u;
+    return (uint8_t)((d.x < 0.0f ? 1u : 0u) | (d.y < 0.0f ? 2u : 0u) | (d.z < 0.0f ? 4u : 0u) | axis << 3);
 }
 
 /* hyi_aim.axis of the rays of a group. */
@@ -107,21 +123,17 @@ HYI_INLINE void hyi_group(const uint8_t *keys, uint32_t count, uint32_t *order, 
     for (uint32_t i = 0; i < count; i++) order[next[keys[i]]++] = i;
 }
 
+/* Of eight. */
+HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
+    bits -= bits >> 1 & 0x55u;
+    bits = (bits & 0x33u) + (bits >> 2 & 0x33u);
+    return (bits + (bits >> 4)) & 0xfu;
+}
+
 /* What a child will read first. */
 HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
     const char *at = hyi_child_is_leaf(child) ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
     for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
-}
-
-/* Orders the children in mask by t, nearest first; returns how many they are. */
-HYI_INLINE uint32_t hyi_order_children(uint32_t mask, const float t[HYI_WIDTH], uint32_t order[HYI_WIDTH]) {
-    uint32_t count = 0;
-    for (; mask; mask &= mask - 1u) {
-        uint32_t c = hyi_lowest_bit(mask), at = count++;
-        for (; at > 0 && t[order[at - 1u]] > t[c]; at--) order[at] = order[at - 1u];
-        order[at] = c;
-    }
-    return count;
 }
 
 #endif /* HYI_BVH_STREAM_H */

@@ -3,6 +3,24 @@
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
+
+/* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
+   how many these are. Without a branch: it would be taken by chance. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, const hyi_node *node, uint32_t c, uint32_t *list, uint32_t count) {
+    float x = node->planes[swarm->near_plane[0]][c], y = node->planes[swarm->near_plane[1]][c], z = node->planes[swarm->near_plane[2]][c];
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t ray = list[i];
+        const hyi_aim *aim = &swarm->flights[ray].aim;
+        float tx = x * aim->inverse[0] + aim->near_offset[0], ty = y * aim->inverse[1] + aim->near_offset[1], tz = z * aim->inverse[2] + aim->near_offset[2];
+        float enter = tx > ty ? tx : ty;
+        enter = tz > enter ? tz : enter;
+        list[kept] = ray;
+        kept += enter <= aim->t_far ? 1u : 0u;
+    }
+    return kept;
+}
 
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
@@ -23,11 +41,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_nod
             HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
                                   : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
-            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+            uint32_t met = HYI_BITS8(mask);
+            if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
+            masks.bytes[i] = (uint8_t)met;
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
     HYI_STORE8(nearest, least);
+}
+
+/* Orders all children by t, nearest first, without a branch: a child comes after as many as are nearer, or as near with a
+   smaller number. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], uint32_t order[HYI_WIDTH]) {
+    HYI_F8 all = HYI_LOADU8(t);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        HYI_F8 one = HYI_SET8(t[c]);
+        order[hyi_count_bits(HYI_BITS8(HYI_LT8(all, one)) | (HYI_BITS8(HYI_LE8(all, one)) & ((1u << c) - 1u)))] = c;
+    }
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
@@ -35,13 +65,19 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t
     uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) mask |= (dealt[c] ? 1u : 0u) << c;
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        mask |= (dealt[c] ? 1u : 0u) << c;
+        nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by the bounds of a packet, but by none of its rays */
+    }
     if (swarm->site.bvh->rows)
         for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
-    uint32_t children = hyi_order_children(mask, nearest, order);
+    HYI_I(hyi_order_children)(nearest, order);
+    uint32_t children = hyi_count_bits(mask);
     for (uint32_t i = 0; i < children; i++) {
         uint32_t c = order[i];
-        if (packets && hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
+        if (leaf && packets) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        else if (leaf) HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]));
         else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
     }
 }
@@ -173,11 +209,12 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
         if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
         if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
     }
+    for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
 }
 
-/* Packets of those among count rays that are alike; numbers of the others go to others, and are counted. */
+/* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
-                                                     uint8_t *occluded, uint32_t count, uint32_t *others) {
+                                                     uint8_t *occluded, uint32_t count, uint32_t *others, uint8_t *keys) {
     hyi_swarm swarm;
     uint32_t made = 0, rest = 0;
     swarm.site = *site;
@@ -188,9 +225,14 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
     swarm.any = occluded != NULL;
     for (uint32_t first = 0; first < count; first += HYI_LANES) {
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) made++;
-        else
-            for (uint32_t i = 0; i < some; i++) others[rest++] = first + i;
+        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
+            made++;
+            continue;
+        }
+        for (uint32_t i = first; i < first + some; i++) {
+            others[rest] = i;
+            keys[rest++] = hyi_direction_key(hyi_load_ray(&rays[i]).direction);
+        }
     }
     if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
     for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);

@@ -58,14 +58,19 @@ HYI_INLINE hyi_ray_stream hyi_plan_ray_stream(const hyi_accel *accel, size_t cou
     stream.capacity = count < HYI_STREAM_RAYS ? ((uint32_t)count + 15u) & ~15u : HYI_STREAM_RAYS;
     stream.packet_share = stream.capacity / hyi_isa_lanes(accel->isa) + HYI_RAY_GROUPS;
     stream.sorted = sorted;
-    stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + sorted / 4u + 2u * HYI_LIST_RESERVE;
+    stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + 2u * HYI_LIST_RESERVE;
     return stream;
+}
+
+/* Whole cache lines: flights begin after them. */
+HYI_INLINE size_t hyi_packets_bytes(const hyi_ray_stream *stream) {
+    return (stream->levels * stream->packet_share * sizeof *stream->packets + 63u) & ~(size_t)63u;
 }
 
 HYI_INLINE size_t hyi_ray_stream_bytes(const hyi_ray_stream *stream) {
     if (stream->capacity == 0) return 0;
-    return stream->levels * (stream->capacity * sizeof *stream->flights + stream->packet_share * sizeof *stream->packets) +
-           (2u * (size_t)stream->sorted + stream->list_count) * sizeof(uint32_t);
+    return hyi_packets_bytes(stream) + stream->levels * stream->capacity * sizeof *stream->flights +
+           (2u * (size_t)stream->sorted + stream->list_count) * sizeof(uint32_t) + stream->sorted;
 }
 
 HYI_FN void hyi_ray_stream_free(hydra_context *context, hyi_ray_stream *stream) {
@@ -81,9 +86,10 @@ HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel
     if (result != HYDRA_OK) memset(stream, 0, sizeof *stream);
     if (stream->capacity == 0) return result;
     stream->packets = (hyi_packet *)block;
-    stream->flights = (hyi_flight *)(void *)(stream->packets + stream->levels * stream->packet_share);
+    stream->flights = (hyi_flight *)(void *)((char *)block + hyi_packets_bytes(stream));
     stream->lists = (uint32_t *)(void *)(stream->flights + stream->levels * stream->capacity);
     stream->order = stream->lists + stream->list_count;
+    stream->keys = (uint8_t *)(void *)(stream->order + 2u * stream->sorted);
     return HYDRA_OK;
 }
 
@@ -116,12 +122,6 @@ HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, hyk_h
 }
 
 /* ---- streams */
-
-HYI_INLINE uint8_t hyi_direction_key(hyk_vec3 d) {
-    float x = fabsf(d.x), y = fabsf(d.y), z = fabsf(d.z);
-    uint32_t axis = z > x && z > y ? 2u : x >= y ? 0u : 1u;
-    return (uint8_t)((d.x < 0.0f ? 1u : 0u) | (d.y < 0.0f ? 2u : 0u) | (d.z < 0.0f ? 4u : 0u) | axis << 3);
-}
 
 /* Begins the flights of some rays one by one; those that meet nothing are answered at once. Returns how many fly. */
 HYI_FN uint32_t hyi_begin_each(const hyi_site *site, hyi_flight *flights, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
@@ -166,10 +166,8 @@ HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const 
 HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
                              const uint32_t *others, uint32_t *sorted, uint32_t count) {
     uint32_t starts[HYI_RAY_GROUPS + 1];
-    uint8_t *keys = (uint8_t *)(void *)stream->lists;
     bool sound = true;
-    for (uint32_t i = 0; i < count; i++) keys[i] = hyi_direction_key(hyi_load_ray(&rays[others[i]]).direction);
-    hyi_group(keys, count, sorted, starts);
+    hyi_group(stream->keys, count, sorted, starts);
     for (uint32_t i = 0; i < count; i++) sorted[i] = others[sorted[i]];
     for (uint32_t at = 0; at < count; at += stream->capacity) {
         uint32_t slice = count - at < stream->capacity ? count - at : stream->capacity;
@@ -178,14 +176,14 @@ HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const
     return sound;
 }
 
-/* Up to HYI_STREAM_SORTED rays: the alike go in packets, the rest is listed in others and counted. */
+/* Up to HYI_STREAM_SORTED rays: the alike go in packets, the rest is listed in others, with its keys, and counted. */
 HYI_FN uint32_t hyi_trace_alike(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
                                 uint32_t count, uint32_t *others) {
     uint32_t rest = 0;
     for (uint32_t first = 0; first < count; first += stream->capacity) {
         uint32_t some = count - first < stream->capacity ? count - first : stream->capacity, left = 0;
         HYI_DISPATCH_VECTOR(site->accel->isa, left = hyi_run_alike_rays,
-                     (site, stream, rays + first, hits ? hits + first : NULL, occluded ? occluded + first : NULL, some, others + rest))
+                     (site, stream, rays + first, hits ? hits + first : NULL, occluded ? occluded + first : NULL, some, others + rest, stream->keys + rest))
         for (uint32_t i = 0; i < left; i++) others[rest + i] += first;
         rest += left;
     }
@@ -203,7 +201,10 @@ HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, con
         uint32_t rest = some;
         if (site.bvh->rows) rest = hyi_trace_alike(&site, stream, rays + first, at_hits, at_occluded, some, others);
         else
-            for (uint32_t i = 0; i < some; i++) others[i] = i;
+            for (uint32_t i = 0; i < some; i++) {
+                others[i] = i;
+                stream->keys[i] = hyi_direction_key(hyi_load_ray(&rays[first + i]).direction);
+            }
         sound = hyi_trace_others(&site, stream, rays + first, at_hits, at_occluded, others, sorted, rest) && sound;
     }
     return sound;

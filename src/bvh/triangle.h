@@ -12,7 +12,10 @@
    ray that starts exactly in the plane of a triangle gets t 0, and one that starts off it by a rounding of
    float gets the right sign; where a far origin leaves the sheared corners coarse, it is kept between t at the corners, so
    that a hit never lies outside of its box. Every rounding in it is pinned, so no compiler flag or instruction set changes
-   a bit. */
+   a bit.
+
+   Of most triangles float can also tell that they are hit, and where about (hyi_judge_triangles): such a hit ends a ray that
+   asks for any, and otherwise is put off, and worked out only if none that is certainly nearer comes after it. */
 #ifndef HYI_BVH_TRIANGLE_H
 #define HYI_BVH_TRIANGLE_H
 
@@ -24,6 +27,11 @@
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
 #define HYI_STEADY 8.67361737988403547e-19f  /* 2^-60: the smallest direction component */
 
+/* Bounds of what float gets wrong: see hyi_judge_triangles. */
+#define HYI_EDGE_NOISE 3.814697265625e-06f /* 2^-18 */
+#define HYI_EDGE_LEAST 1.0e-30f
+#define HYI_T_NOISE 9.5367431640625e-07f   /* 2^-20 */
+
 #define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
 
 /* A ray in the units of one tree. t here times unit is t of the ray. Planes are met at t = plane * inverse + offset. */
@@ -31,14 +39,20 @@ typedef struct hyi_aim {
     float inverse[3];                     /* of the direction; finite */
     float near_offset[3], far_offset[3];  /* of the origin moved by the error bound: slabs only get thicker */
     float t_near, t_far;
-    float origin[3], shear[2];            /* in the order of axis */
-    float inverse_z;                      /* t here by distance along z */
-    float direction[3];                   /* in the order of axis */
-    uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
     uint32_t near_plane[3];               /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
+    float inverse_z;                      /* t here by distance along z */
+    float least_t;                        /* no less is t of the nearest hit so far, where unit is 1 */
+    float origin[3], shear[2];            /* in the order of axis */
+    uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
+    float direction[3];                   /* in the order of axis */
+    uint32_t leaf, lane;                  /* a triangle that is certainly hit before all others so far, but not worked out yet; leaf 0: none */
+    uint32_t unused[3];                   /* fills the second cache line */
     double t_by_z;                        /* inverse_z unrounded */
     double unit, inverse_unit;
 } hyi_aim;
+
+/* A cache line for boxes, one for triangles, and what only a closer look needs. */
+HYI_STATIC_ASSERT(offsetof(hyi_aim, least_t) == 60 && offsetof(hyi_aim, origin) == 64 && offsetof(hyi_aim, leaf) == 108 && offsetof(hyi_aim, t_by_z) == 128);
 
 /* What a triangle must beat, and the answer. */
 typedef struct hyi_best {

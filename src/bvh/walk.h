@@ -38,7 +38,8 @@ typedef struct hyi_flight {
     hyi_aim aim;
     hyi_best best;
     float t_min;
-    const hyk_ray *ray; /* in world space */
+    uint32_t unused[2]; /* fills the third cache line */
+    const hyk_ray *ray;  /* in world space */
 } hyi_flight;
 
 /* A ray that may lie in memory as another type of the same layout. */
@@ -118,7 +119,7 @@ HYI_NOINLINE bool hyi_lets_pass(const hyi_site *site, const hyk_ray *ray, uint32
 }
 
 /* Decides on one triangle of a leaf. Returns whether it is the new best. */
-HYI_INLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
     float weights[2] = {0.0f, 0.0f};
     float t = hyi_confirm(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), lane, flight->t_min, flight->best.t, weights);
     if (t == HYI_NO_HIT) return false;
@@ -130,7 +131,34 @@ HYI_INLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t lea
     flight->best.v = weights[1];
     flight->best.instance = site->instance;
     flight->best.primitive = primitive;
+    flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
+    return true;
+}
+
+/* Works out the hit that was put off. */
+HYI_INLINE void hyi_settle(const hyi_site *site, hyi_flight *flight) {
+    uint32_t leaf = flight->aim.leaf;
+    if (leaf == 0) return;
+    flight->aim.leaf = 0;
+    (void)hyi_decide(site, flight, leaf, flight->aim.lane);
+}
+
+/* hyi_decide, after what was put off. */
+HYI_NOINLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    hyi_settle(site, flight);
+    return hyi_decide(site, flight, leaf, lane);
+}
+
+/* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
+   and else decides. Most hits are so never worked out: one nearer comes. */
+HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most) {
+    if (most >= flight->aim.least_t) return hyi_offer(site, flight, leaf, lane);
+    flight->aim.leaf = leaf;
+    flight->aim.lane = lane;
+    flight->aim.least_t = least;
+    flight->best.instance = site->instance;
+    hyi_aim_limit(&flight->aim, most);
     return true;
 }
 
@@ -154,6 +182,8 @@ HYI_INLINE bool hyi_flight_begin(hyi_flight *flight, const hyi_bvh *bvh, const h
     flight->best.t = hyi_finite_limit(ray.t_max < limit ? ray.t_max : limit);
     flight->best.u = flight->best.v = 0.0f;
     flight->best.instance = flight->best.primitive = HYK_NONE;
+    flight->aim.least_t = flight->best.t;
+    flight->aim.leaf = flight->aim.lane = 0;
     if (bvh->primitive_count == 0 || !hyi_ray_is_sound(&ray) || !(ray.t_min <= flight->best.t)) return false;
     return hyi_aim_at(&flight->aim, bvh, origin, direction, ray.t_min, flight->best.t, bvh->rows == NULL);
 }
@@ -216,6 +246,8 @@ HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, c
     below->ray = above->ray;
     below->t_min = above->t_min;
     below->best = above->best;
+    below->aim.least_t = above->best.t;
+    below->aim.leaf = below->aim.lane = 0;
     return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, above->best.t, false);
 }
 

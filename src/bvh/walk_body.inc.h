@@ -46,26 +46,72 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-/* Bits of the triangles that need a closer look: edge functions not of both signs, and not all corners beyond one of the
-   limits, since t of a hit is a mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count) {
-    HYI_I(hyi_corners) p = HYI_I(hyi_shear_corners)(aim, rows, count);
-    HYI_I(hyi_corners) q = HYI_I(hyi_shear_corners)(aim, rows + 3u * count, count);
-    HYI_I(hyi_corners) r = HYI_I(hyi_shear_corners)(aim, rows + 6u * count, count);
-    HYI_F8 a = HYI_I(hyi_cross)(r, q), b = HYI_I(hyi_cross)(p, r), c = HYI_I(hyi_cross)(q, p), scale = HYI_SET8(aim->inverse_z);
-    HYI_M8 below = HYI_LT8(HYI_MIN8(HYI_MIN8(a, b), c), HYI_ZERO8()), above = HYI_LT8(HYI_ZERO8(), HYI_MAX8(HYI_MAX8(a, b), c));
-    HYI_F8 ta = HYI_MUL8(p.z, scale), tb = HYI_MUL8(q.z, scale), tc = HYI_MUL8(r.z, scale);
-    HYI_M8 late = HYI_LT8(HYI_SET8(aim->t_far), HYI_MIN8(HYI_MIN8(ta, tb), tc));
-    HYI_M8 early = HYI_LT8(HYI_MAX8(HYI_MAX8(ta, tb), tc), HYI_SET8(aim->t_near));
-    return ~HYI_BITS8(HYI_OR8(HYI_AND8(below, above), HYI_OR8(late, early))) & ((1u << count) - 1u);
+HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
+
+/* What eight triangles are to a ray. */
+typedef struct HYI_I(hyi_verdicts) {
+    uint32_t possible;        /* bits of those that it may hit */
+    uint32_t certain;         /* of those that it hits, from t_near on, whatever the closer look would round */
+    float least[8], most[8];  /* between these lies t of the certain ones */
+} HYI_I(hyi_verdicts);
+
+/* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
+   corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
+   corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
+   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+                                                      HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
+    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
+    for (int i = 0; i < 3; i++) {
+        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
+        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
+    }
+    HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
+    HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
+    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
+    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    verdicts->possible &= ~HYI_BITS8(missed);
+    verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
+    HYI_STORE8(verdicts->least, least);
+    HYI_STORE8(verdicts->most, most);
+}
+
+/* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_verdicts) verdicts;
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
+    HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
+    HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
+    verdicts.certain = 0;
+    if (verdicts.possible && !exact)
+        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    return verdicts;
 }
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    uint32_t mask = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf));
-    bool found = false;
-    for (; mask; mask &= mask - 1u) {
-        found = hyi_offer(site, flight, leaf, hyi_lowest_bit(mask)) || found;
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (verdicts.certain >> lane & 1u) {
+            if (verdicts.least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+        } else {
+            found = hyi_offer(site, flight, leaf, lane) || found;
+        }
         if (found && any) break;
     }
     return found;
@@ -91,7 +137,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
         }
         do {
-            if (top == stack) return;
+            if (top == stack) {
+                hyi_settle(site, flight);
+                return;
+            }
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
