@@ -108,15 +108,12 @@ $(foreach p,$(call programs,bench),$(eval $(call program,bench,$(p),-O3)))
 
 ALL_SUBJECTS := $(sort $(patsubst tests/test_%.c,%,$(wildcard tests/test_*.c)))
 SUBJECTS := $(filter-out vk_%,$(ALL_SUBJECTS))
-# On Vulkan: tests of the API, by the same source, and those about Vulkan alone. Not those that look inside the
-# implementation, which is the processor's, nor
-#   helpers     which makes no context
-#   determinism a minute on lavapipe; vk_slices holds devices to the same bits for any slices, steps, threads, films
-#   memory      whose ray queries never fail; vk_limits fails every allocation and every call of a device context
-#   statistics  hundreds of pictures for the coverage of error bars, which the host makes; minutes on lavapipe
-#   sensors     minutes on lavapipe, for its many samples; vk_equal holds every sensor against the processor's
-INSIDE := $(patsubst tests/test_%.c,%,$(shell grep -lE '^\# *define HYDRA_IMPLEMENTATION' $(SUBJECTS:%=tests/test_%.c)))
-VK_SUBJECTS := $(filter-out $(INSIDE) helpers determinism memory statistics sensors,$(ALL_SUBJECTS))
+# Those that look inside the implementation.
+INSIDE := $(patsubst tests/test_%.c,%,$(shell grep -lE '^\# *define HYDRA_IMPLEMENTATION' $(ALL_SUBJECTS:%=tests/test_%.c)))
+# On Vulkan: all tests of the API, by the same source, and those about Vulkan alone. What a device cannot have is left out
+# test by test, each saying why. Those that look inside call the host's functions themselves: trees and their traversal,
+# the kernels' C, sums, which a device context does not change. vk_equal holds the device's kernels against these.
+VK_SUBJECTS := $(filter-out $(filter-out vk_%,$(INSIDE)),$(ALL_SUBJECTS))
 # Those that start threads: the words by which a test asks for them.
 TSAN_SUBJECTS := $(or $(TSAN_SUBJECTS),$(patsubst tests/test_%.c,%,$(sort \
 	$(shell grep -lE 'ht_open_threads|[.>]threads *=|pthread_create|parallel_for' $(SUBJECTS:%=tests/test_%.c)))))
@@ -124,6 +121,8 @@ SUPPORT := $(filter-out main test_%,$(patsubst tests/%.c,%,$(wildcard tests/*.c)
 # -g1: to follow variables through the traversal, gcc takes minutes a file.
 TEST_FLAGS := -std=c99 -D_POSIX_C_SOURCE=200809L -g1 -Wall -Wextra -I. -Itests
 
+# The implementation is compiled once, and in one piece with the tests that look inside it: alone, each of those would
+# take as long again. So their names must not clash; the compiler tells.
 # name, compiler, flags, subjects, headers beside hydra.h
 define flavour
 .PHONY: $(1)-program
@@ -135,10 +134,12 @@ build/$(1)/main.o: tests/main.c build/$(1)/subjects.h tests/hydra_test_run.h
 	$(2) $$(TEST_FLAGS) $(3) -Ibuild/$(1) -c $$< -o $$@
 build/$(1)/%.o: tests/%.c hydra.h $(5) $(wildcard tests/*.h) build/$(1)/subjects.h
 	$(2) $$(TEST_FLAGS) $(3) -c $$< -o $$@
-build/$(1)/hydra.o: hydra.h $(5) build/$(1)/subjects.h
-	$(2) $$(TEST_FLAGS) $(3) -DHYDRA_IMPLEMENTATION $(5:hydra_vk.h=-DHYDRA_VK_IMPLEMENTATION) \
-		$(patsubst %,-include %,hydra.h $(5)) -x c -c /dev/null -o $$@
-build/$(1)/tests: build/$(1)/main.o build/$(1)/hydra.o $(patsubst %,build/$(1)/%.o,$(SUPPORT) $(addprefix test_,$(4)))
+build/$(1)/inside.c: build/$(1)/subjects.h
+	@{ printf '#define %s\n' HYDRA_IMPLEMENTATION $(5:hydra_vk.h=HYDRA_VK_IMPLEMENTATION); \
+		printf '#include "%s"\n' hydra.h $(5) $(patsubst %,tests/test_%.c,$(filter $(INSIDE),$(4))); } > $$@
+build/$(1)/inside.o: build/$(1)/inside.c hydra.h $(5) $(wildcard tests/*.h) $(patsubst %,tests/test_%.c,$(filter $(INSIDE),$(4)))
+	$(2) $$(TEST_FLAGS) $(3) -c $$< -o $$@
+build/$(1)/tests: build/$(1)/main.o build/$(1)/inside.o $(patsubst %,build/$(1)/%.o,$(SUPPORT) $(addprefix test_,$(filter-out $(INSIDE),$(4))))
 	$(2) $(3) $$^ -o $$@ -lcmocka $$(LIBS) $(5:hydra_vk.h=-ldl)
 endef
 SANITIZE := -O1 -fno-omit-frame-pointer

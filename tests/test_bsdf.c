@@ -200,27 +200,27 @@ static void fresnel_values(void **state) {
 
 /* ---------------------------------------------------------------- sampling against density */
 
-#define RINGS 18
-#define SECTORS 10
-#define SUBDIVISIONS 8
+#define BIN_RINGS 18
+#define BIN_SECTORS 10
+#define BIN_PARTS 8
 
 /* Bins around an axis, rings uniform in rho = log(1 + angle / width), 0..1 at the opposite pole. */
 typedef struct bins {
     hyk_frame frame;
     double width;
-    double observed[RINGS * SECTORS + 1], expected[RINGS * SECTORS + 1]; /* the last: everything else */
+    double observed[BIN_RINGS * BIN_SECTORS + 1], expected[BIN_RINGS * BIN_SECTORS + 1]; /* the last: everything else */
 } bins;
 
 static int bin_of(const bins *b, hyk_vec3 w) {
     double x = (double)hyk_dot(w, b->frame.x), y = (double)hyk_dot(w, b->frame.y), z = (double)hyk_dot(w, b->frame.z);
     double angle = atan2(sqrt(x * x + y * y), z), rho = log(1.0 + angle / b->width) / log(1.0 + HT_PI / b->width);
-    int ring = (int)(rho * RINGS), sector = (int)((atan2(y, x) / (2.0 * HT_PI) + 0.5) * SECTORS);
-    ring = ring < RINGS ? ring : RINGS - 1;
-    return ring * SECTORS + (sector < SECTORS ? sector : SECTORS - 1);
+    int ring = (int)(rho * BIN_RINGS), sector = (int)((atan2(y, x) / (2.0 * HT_PI) + 0.5) * BIN_SECTORS);
+    ring = ring < BIN_RINGS ? ring : BIN_RINGS - 1;
+    return ring * BIN_SECTORS + (sector < BIN_SECTORS ? sector : BIN_SECTORS - 1);
 }
 
 static void integrate_bins(const scene *s, hyk_bsdf bsdf, hyk_vec3 wo, double side, bins *b) {
-    const int rings = RINGS * SUBDIVISIONS, sectors = SECTORS * SUBDIVISIONS;
+    const int rings = BIN_RINGS * BIN_PARTS, sectors = BIN_SECTORS * BIN_PARTS;
     for (int i = 0; i < rings; i++)
         for (int j = 0; j < sectors; j++) {
             double rho = (i + 0.5) / rings, azimuth = ((j + 0.5) / sectors - 0.5) * 2.0 * HT_PI;
@@ -229,7 +229,7 @@ static void integrate_bins(const scene *s, hyk_bsdf bsdf, hyk_vec3 wo, double si
             hyk_vec3 wi = hyk_to_world(b->frame, local);
             if ((double)wi.z * side <= 0.0) continue;
             double pdf = (double)hyk_bsdf_eval(&s->view, bsdf, wo, wi, FEATURES).pdf;
-            b->expected[i / SUBDIVISIONS * SECTORS + j / SUBDIVISIONS] += pdf * sin(angle) * slope / rings * 2.0 * HT_PI / sectors;
+            b->expected[i / BIN_PARTS * BIN_SECTORS + j / BIN_PARTS] += pdf * sin(angle) * slope / rings * 2.0 * HT_PI / sectors;
         }
 }
 
@@ -253,24 +253,24 @@ static double chi_square(const scene *s, hyk_bsdf bsdf, hyk_vec3 wo, double side
         float u = ht_uniform(&rng), v = ht_uniform(&rng), w = ht_uniform(&rng);
         hyk_bsdf_sample r = hyk_bsdf_sample_direction(&s->view, bsdf, wo, u, hyk_make2(v, w), FEATURES);
         bool counts = r.flags != 0u && (r.flags & HYK_LOBE_DELTA) == 0u && (double)r.wi.z * side > 0.0;
-        b.observed[counts ? bin_of(&b, r.wi) : RINGS * SECTORS] += 1.0;
+        b.observed[counts ? bin_of(&b, r.wi) : BIN_RINGS * BIN_SECTORS] += 1.0;
     }
     double rest = count;
-    for (int i = 0; i < RINGS * SECTORS; i++) {
+    for (int i = 0; i < BIN_RINGS * BIN_SECTORS; i++) {
         b.expected[i] *= count;
         rest -= b.expected[i];
     }
     assert_true(rest > -0.005 * count); /* the density does not integrate to more than 1 */
     if (count - rest < 200.0) return 1.0; /* total internal reflection leaves next to nothing on this side */
     /* Everything else, with the bins that the midpoints of the integral only graze; one count of slack. */
-    b.expected[RINGS * SECTORS] = (rest > 0.0 ? rest : 0.0) + 1.0;
-    for (int i = 0; i < RINGS * SECTORS; i++) {
+    b.expected[BIN_RINGS * BIN_SECTORS] = (rest > 0.0 ? rest : 0.0) + 1.0;
+    for (int i = 0; i < BIN_RINGS * BIN_SECTORS; i++) {
         if (b.expected[i] >= 1.0) continue;
-        b.expected[RINGS * SECTORS] += b.expected[i];
-        b.observed[RINGS * SECTORS] += b.observed[i];
+        b.expected[BIN_RINGS * BIN_SECTORS] += b.expected[i];
+        b.observed[BIN_RINGS * BIN_SECTORS] += b.observed[i];
         b.expected[i] = b.observed[i] = 0.0;
     }
-    return ht_chi_square_p(b.observed, b.expected, RINGS * SECTORS + 1, 1);
+    return ht_chi_square_p(b.observed, b.expected, BIN_RINGS * BIN_SECTORS + 1, 1);
 }
 
 static void sampling_follows_density(void **state) {

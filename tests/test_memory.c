@@ -17,14 +17,19 @@ typedef struct life {
     bool opened, gave_up;
 } life;
 
-/* A call of the life gave result: fine, or the failure that was arranged, with a message, and worth a retry or the end. */
-static bool again(life *l, hydra_result result) {
+/* A call of the life gave result: fine, or the failure that was arranged, and worth a retry or the end. */
+static bool again_untold(life *l, hydra_result result) {
     if (result == HYDRA_OK || result == HYDRA_MORE) return false;
     l->failures++;
     if (result != l->wanted) fail_msg("failure number %u is \"%s\"", l->failures, hydra_error_text(l->host.context));
-    assert_int_not_equal(strlen(hydra_error_text(l->host.context)), 0);
     if (l->failures > 1 || !l->retry) l->gave_up = true;
     return !l->gave_up;
+}
+
+/* The same, and the failure has a message. */
+static bool again(life *l, hydra_result result) {
+    if (result != HYDRA_OK && result != HYDRA_MORE) assert_int_not_equal(strlen(hydra_error_text(l->host.context)), 0);
+    return again_untold(l, result);
 }
 
 /* Handles and pointers: 0 is a failure, whose kind stands in the message. */
@@ -123,7 +128,12 @@ static void live_render(life *l) {
     hydra_ray ray = {{0, 0, 5}, 0, {0, 0, -1}, INFINITY};
     hydra_hit hit;
     TRY_CALL(hydra_scene_commit(l->scene));
-    TRY_CALL(hydra_scene_closest_hits(l->scene, &ray, &hit, 1));
+#ifdef HT_VULKAN /* there a query takes memory, and when it fails it leaves no message, since many threads may ask */
+    while (again_untold(l, hydra_scene_closest_hits(l->scene, &ray, &hit, 1))) {}
+    if (l->gave_up) return;
+#else
+    assert_int_equal(hydra_scene_closest_hits(l->scene, &ray, &hit, 1), HYDRA_OK);
+#endif
     assert_true(hit.t > 3.9f && hit.t < 4.3f);
     TRY_MAKE(l->render = hydra_render_create(l->scene, &desc));
     hydra_result result = HYDRA_MORE;

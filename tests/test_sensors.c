@@ -350,7 +350,7 @@ static void test_equirectangular(void **state) {
     hydra_sensor_desc sensor = truth_sensor_pinhole(truth_v(0.2, 0.3, -0.1), truth_v(5, 0.3, 2), 0);
     sensor.kind = HYDRA_SENSOR_EQUIRECTANGULAR;
     frame f = frame_of(&sensor, truth_v(0, 1, 0));
-    truth_scene_mesh(world.scene, truth_mesh_sphere(f.origin, 100, 4, true), truth_lambert(world.scene, 1));
+    truth_scene_mesh(world.scene, truth_mesh_sphere(f.origin, 100, 4, true), truth_lambert(world.scene, 0)); /* white, paths never end */
     truth_commit(&world);
     hydra_render_desc desc = shot_desc(&sensor, 32, 16, 64);
     float *at = positions_of(world.scene, &desc, 512);

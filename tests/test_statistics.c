@@ -106,7 +106,8 @@ static coverage cover(const known_scene *s, uint32_t samples, float target, uint
 }
 
 /* Catches: error bars that are too short (correlated samples, one half deciding what it reports) or so long that they
-   say nothing. 300 seeds of 64 pixels, at three sample counts. */
+   say nothing. Of 64 pixels each, so many seeds that chance alone moves the share by 0.3 %, and in the quick form by less
+   than 1 %. */
 static void test_coverage_fixed(void **state) {
     (void)state;
     static const uint32_t samples[] = {32, 64, 256};
@@ -114,7 +115,7 @@ static void test_coverage_fixed(void **state) {
         known_scene s;
         open_known(&s, which);
         for (int k = 0; k < 3; k++) {
-            coverage c = cover(&s, samples[k], 0, ht_pick(k == 2 ? 100 : 300, 60));
+            coverage c = cover(&s, samples[k], 0, ht_pick(k == 2 ? 60 : 100, k == 2 ? 10 : 30));
             char name[80];
             snprintf(name, sizeof name, "coverage of 95 %% bars: %s, %u samples", known_names[which], samples[k]);
             TRUTH_WITHIN(name, c.held / c.intervals, 0.90, 0.995);
@@ -152,7 +153,7 @@ static void test_adaptive(void **state) {
         for (int k = 0; k < 2; k++) {
             known_scene s;
             char name[80];
-            uint32_t seeds = ht_pick(k ? 150 : 300, 60);
+            uint32_t seeds = ht_pick(k ? 150 : 300, 30);
             open_known(&s, which);
             coverage c = cover(&s, 4096, targets[k], seeds);
             snprintf(name, sizeof name, "adaptive, target %g, %s", (double)targets[k], known_names[which]);
@@ -331,9 +332,10 @@ static void test_convergence(void **state) {
     for (int which = 0; which < 3; which++) {
         known_scene s;
         open_known(&s, which);
-        uint32_t seeds = ht_pick(100, 40);
-        error_report few = report(&s, 16, 0, seeds), many = report(&s, 1024, 0, ht_pick(40, 20));
-        TRUTH_WITHIN("slope of the error", log(many.real / few.real) / log(64), -3, -0.45);
+        uint32_t seeds = ht_pick(100, 40), most = ht_pick(1024, 512);
+        /* ten pictures have 640 errors: their root mean square is known to 3 %, the slope to 0.008 */
+        error_report few = report(&s, 16, 0, seeds), many = report(&s, most, 0, 10);
+        TRUTH_WITHIN("slope of the error", log(many.real / few.real) / log(most / 16.0), -3, -0.45);
         error_report middle = report(&s, 64, 0, seeds);
         TRUTH_WITHIN("said error over real error", middle.said / middle.real, 0.85, 1.25);
         TRUTH_WITHIN("intervals of the picture's error that hold it", middle.held, 0.88, 1.001);

@@ -1,9 +1,10 @@
-/* One Vulkan device for all contexts of a test run, and one pipeline for all that are made alike.
+/* One Vulkan device for all contexts of a test run, and one shader module and pipeline for all that are made alike.
 
    Making a context's pipelines takes lavapipe and the validation layer some seconds, its work in most tests some
    milliseconds. So hydra_test.h gives the library this loader: instance and device are made by the first context and kept,
-   and so are pipelines of the same words and constants (layouts that are defined alike are compatible). All other calls go
-   straight to Vulkan. What a context forgets to destroy the layer reports when the device goes, at the end of the run.
+   and so are modules of the same words and pipelines of the same module and constants (layouts that are defined alike are
+   compatible). All other calls go straight to Vulkan. What a context forgets to destroy the layer reports when the device
+   goes, at the end of the run.
    tests/test_vk_*.c make contexts with devices of their own. */
 #ifdef HT_VULKAN
 #include "hydra_test.h"
@@ -31,7 +32,7 @@ static struct {
     VkPhysicalDevice physical;
     VkDevice device;
     shared_pipeline pipelines[4096];
-    known_module modules[256];
+    known_module modules[64];
     uint32_t pipeline_count, module_count;
     uint64_t last_messages;
 } shared = {PTHREAD_MUTEX_INITIALIZER, PTHREAD_MUTEX_INITIALIZER, NULL, NULL, NULL, NULL, NULL, {{0, NULL}}, {{NULL, 0}}, 0, 0, 0};
@@ -84,24 +85,35 @@ static void VKAPI_CALL keep_device(VkDevice device, const VkAllocationCallbacks 
 static VkResult VKAPI_CALL create_module(VkDevice device, const VkShaderModuleCreateInfo *info, const VkAllocationCallbacks *callbacks,
                                          VkShaderModule *module) {
     pthread_mutex_lock(&shared.mutex);
-    VkResult result = DEVICE_FUNCTION(CreateShaderModule)(device, info, callbacks, module);
-    if (result == VK_SUCCESS) {
-        known_module *m = &shared.modules[shared.module_count++ % (sizeof shared.modules / sizeof shared.modules[0])];
-        m->module = *module;
-        m->words = hash(0xcbf29ce484222325u, info->pCode, info->codeSize);
+    VkResult result = VK_SUCCESS;
+    const uint64_t words = hash(0xcbf29ce484222325u, info->pCode, info->codeSize);
+    uint32_t i = 0;
+    while (i < shared.module_count && shared.modules[i].words != words) i++;
+    if (i < shared.module_count) *module = shared.modules[i].module;
+    else result = DEVICE_FUNCTION(CreateShaderModule)(device, info, callbacks, module);
+    if (result == VK_SUCCESS && i == shared.module_count && i < sizeof shared.modules / sizeof shared.modules[0]) {
+        shared.modules[i].module = *module;
+        shared.modules[i].words = words;
+        shared.module_count++;
     }
     pthread_mutex_unlock(&shared.mutex);
     return result;
 }
 
-/* What makes a pipeline what it is: 0 if that is not known. Handles come again, so the newest module counts. */
+static void VKAPI_CALL destroy_module(VkDevice device, VkShaderModule module, const VkAllocationCallbacks *callbacks) {
+    pthread_mutex_lock(&shared.mutex);
+    bool kept = false;
+    for (uint32_t i = 0; i < shared.module_count; i++) kept = kept || shared.modules[i].module == module;
+    if (!kept) DEVICE_FUNCTION(DestroyShaderModule)(device, module, callbacks);
+    pthread_mutex_unlock(&shared.mutex);
+}
+
+/* What makes a pipeline what it is: 0 if that is not known. */
 static uint64_t key_of(const VkComputePipelineCreateInfo *info) {
-    const uint32_t slots = sizeof shared.modules / sizeof shared.modules[0];
     const VkSpecializationInfo *constants = info->stage.pSpecializationInfo;
     uint64_t key = 0;
-    for (uint32_t i = 0; i < slots && i < shared.module_count && !key; i++) {
-        const known_module *m = &shared.modules[(shared.module_count - 1 - i) % slots];
-        if (m->module == info->stage.module) key = m->words;
+    for (uint32_t i = 0; i < shared.module_count && !key; i++) {
+        if (shared.modules[i].module == info->stage.module) key = shared.modules[i].words;
     }
     if (!key || info->pNext || info->stage.pNext || info->flags || info->stage.flags) return 0;
     key = hash(key, info->stage.pName, strlen(info->stage.pName));
@@ -161,6 +173,7 @@ static PFN_vkVoidFunction own(const char *name) {
     OWN(DestroyDevice, keep_device);
     OWN(GetDeviceProcAddr, load_device);
     OWN(CreateShaderModule, create_module);
+    OWN(DestroyShaderModule, destroy_module);
     OWN(CreateComputePipelines, create_pipelines);
     OWN(DestroyPipeline, destroy_pipeline);
     return NULL;
@@ -222,8 +235,10 @@ uint64_t ht_vk_share_end(void) {
     info.pfnUserCallback = count_message;
     INSTANCE_FUNCTION(CreateDebugUtilsMessengerEXT)(shared.instance, &info, NULL, &messenger);
     PFN_vkDestroyPipeline destroy = DEVICE_FUNCTION(DestroyPipeline);
+    PFN_vkDestroyShaderModule forget = DEVICE_FUNCTION(DestroyShaderModule);
     for (uint32_t i = 0; i < shared.pipeline_count; i++) destroy(shared.device, shared.pipelines[i].pipeline, NULL);
-    shared.pipeline_count = 0;
+    for (uint32_t i = 0; i < shared.module_count; i++) forget(shared.device, shared.modules[i].module, NULL);
+    shared.pipeline_count = shared.module_count = 0;
     DEVICE_FUNCTION(DestroyDevice)(shared.device, NULL);
     shared.device = NULL;
     INSTANCE_FUNCTION(DestroyDebugUtilsMessengerEXT)(shared.instance, messenger, NULL);
