@@ -153,7 +153,7 @@ static void test_adaptive(void **state) {
         for (int k = 0; k < 2; k++) {
             known_scene s;
             char name[80];
-            uint32_t seeds = ht_pick(k ? 150 : 300, 30);
+            uint32_t seeds = ht_pick(k ? 150 : 300, 60);
             open_known(&s, which);
             coverage c = cover(&s, 4096, targets[k], seeds);
             snprintf(name, sizeof name, "adaptive, target %g, %s", (double)targets[k], known_names[which]);

@@ -140,8 +140,8 @@ link() { # name, compiler of the implementation, of the user, linker
 link c-c "gcc -std=c99 $warnings_c" "clang -std=c99" gcc
 link c-c++ "clang -std=c99 -x c" "g++ -std=c++11 -x c++" g++
 link c++-c "g++ -std=c++11 -x c++" "gcc -std=c99 -x c" g++
-add link-static "gcc -std=c99 $warnings_c -O1 $scratch/static.c -o $scratch/static -lm -pthread && $scratch/static"
-add link-no-threads "gcc -std=c99 $warnings_c -O1 -DHYDRA_NO_THREADS $scratch/static.c -o $scratch/unthreaded -lm && $scratch/unthreaded && ! nm -u $scratch/unthreaded | grep pthread"
+add link-static "gcc -std=c99 $warnings_c -O0 $scratch/static.c -o $scratch/static -lm -pthread && $scratch/static"
+add link-no-threads "gcc -std=c99 $warnings_c -O0 -DHYDRA_NO_THREADS $scratch/static.c -o $scratch/unthreaded -lm && $scratch/unthreaded && ! nm -u $scratch/unthreaded | grep pthread"
 # Without Vulkan's library; where there is none at run time, or no device, the program says so and ends well.
 add link-vk "clang -std=c99 $warnings_c -O0 -c $scratch/both.c -o $scratch/vk.1.o && g++ -std=c++11 -x c++ -c $scratch/vk_user.c -o $scratch/vk.2.o && g++ $scratch/vk.1.o $scratch/vk.2.o -o $scratch/vk -lm -pthread -ldl && $scratch/vk"
 
