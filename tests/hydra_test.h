@@ -14,7 +14,8 @@
        #include "hydra.h"
        #include "hydra_test.h"
 
-   and have a copy of the library of their own. All helpers begin with ht_.
+   and are compiled in one piece with the library and with each other (see the Makefile), so their names must differ.
+   All helpers begin with ht_.
 
    All others are built a second time with HT_VULKAN, where hydra_create makes a context on a Vulkan device. Files
    named test_vk_<subject>.c are built in that way only. */
