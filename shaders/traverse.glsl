@@ -36,7 +36,6 @@ struct hyk_quest {
     uint world_count; /* meshes that the world tree is over; 0: there is none */
     uint instance;
     bool asks_alpha;
-    bool boxes; /* items are shapes */
 };
 
 vec3 hyk_turned(vec3 v, uint axis) { return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v; }
@@ -112,6 +111,10 @@ bool hyk_aim_at(out hyk_aim aim, hyk_tree tree, vec3 origin, vec3 direction, flo
 
 /* ---- a node */
 
+/* One word of a stack: which node's children wait, and above it which of them, in the order of the ray. */
+#define HYK_WAITING 24u
+#define HYK_WAITS(group) ((group) > HYK_NODES_MOST)
+
 /* Moves bit p to bit p ^ octant, so that the highest is what the ray meets first. */
 uint hyk_in_order(uint places, uint octant) {
     if ((octant & 1u) != 0u) places = (places & 0x55u) << 1 | (places >> 1 & 0x55u);
@@ -124,28 +127,49 @@ uint hyk_in_order(uint places, uint octant) {
 uvec4 hyk_near_then_far(uvec4 planes, float inverse) { return inverse < 0.0 ? planes.zwxy : planes; }
 vec4 hyk_bytes(uint word) { return vec4(word & 255u, word >> 8 & 255u, word >> 16 & 255u, word >> 24); }
 
+/* Between floats of one sign integers find the same extremes, and processors do so at once, where they must look for NaN
+   among floats. Of two negative numbers the wrong one comes out: then a box only seems larger, as t_near below zero is. */
+ivec4 hyk_bits(vec4 v) { return floatBitsToInt(v); }
+
 uint hyk_children_met(hyk_aim aim, vec3 stride, vec3 near_start, vec3 far_start, uvec3 near_words, uvec3 far_words) {
-    vec4 near = max(max(hyk_bytes(near_words.x) * stride.x + near_start.x, hyk_bytes(near_words.y) * stride.y + near_start.y),
-                    max(hyk_bytes(near_words.z) * stride.z + near_start.z, vec4(aim.t_near)));
-    vec4 far = min(min(hyk_bytes(far_words.x) * stride.x + far_start.x, hyk_bytes(far_words.y) * stride.y + far_start.y),
-                   min(hyk_bytes(far_words.z) * stride.z + far_start.z, vec4(aim.t_far)));
-    bvec4 met = lessThanEqual(near, far);
+    ivec4 near = max(max(hyk_bits(hyk_bytes(near_words.x) * stride.x + near_start.x), hyk_bits(hyk_bytes(near_words.y) * stride.y + near_start.y)),
+                     max(hyk_bits(hyk_bytes(near_words.z) * stride.z + near_start.z), hyk_bits(vec4(aim.t_near))));
+    ivec4 far = min(min(hyk_bits(hyk_bytes(far_words.x) * stride.x + far_start.x), hyk_bits(hyk_bytes(far_words.y) * stride.y + far_start.y)),
+                    min(hyk_bits(hyk_bytes(far_words.z) * stride.z + far_start.z), hyk_bits(vec4(aim.t_far))));
+    bvec4 met = lessThanEqual(intBitsToFloat(near), intBitsToFloat(far));
     return (met.x ? 1u : 0u) | (met.y ? 2u : 0u) | (met.z ? 4u : 0u) | (met.w ? 8u : 0u);
 }
 
-/* The children of a node that the ray meets, in its order; index: of the node's first four words. */
-uint hyk_meet_node(hyk_aim aim, uint index) {
+/* What a ray meets of a node: children that are nodes, as a word of a stack, 0 where there are none; and leaves, one bit a
+   place. links: where both stand, see HYK_NODE_CHILDREN. index: of the node's first four words. */
+uint hyk_meet_node(hyk_aim aim, uint index, out uint leaves, out uvec4 links) {
     uvec4 head = hyk_node_words(index);
-    uvec4 x = hyk_near_then_far(hyk_node_words(index + 3u), aim.inverse.x);
-    uvec4 y = hyk_near_then_far(hyk_node_words(index + 4u), aim.inverse.y);
-    uvec4 z = hyk_near_then_far(hyk_node_words(index + 5u), aim.inverse.z);
+    links = hyk_node_words(index + 1u);
+    uvec4 x = hyk_near_then_far(hyk_node_words(index + 2u), aim.inverse.x);
+    uvec4 y = hyk_near_then_far(hyk_node_words(index + 3u), aim.inverse.y);
+    uvec4 z = hyk_near_then_far(hyk_node_words(index + 4u), aim.inverse.z);
     vec3 step = uintBitsToFloat(uvec3(head.w & 255u, head.w >> 8 & 255u, head.w >> 16 & 255u) << 23);
     vec3 stride = step * aim.inverse, start = uintBitsToFloat(head.xyz) * aim.inverse;
     vec3 near_start = start + aim.near_offset, far_start = start + aim.far_offset;
     uint places = hyk_children_met(aim, stride, near_start, far_start, uvec3(x.x, y.x, z.x), uvec3(x.z, y.z, z.z)) |
                   hyk_children_met(aim, stride, near_start, far_start, uvec3(x.y, y.y, z.y), uvec3(x.w, y.w, z.w)) << 4;
-    return hyk_in_order(places & head.w >> 24, aim.octant);
+    uint nodes = hyk_in_order(places & head.w >> 24, aim.octant);
+    leaves = places & ~(head.w >> 24);
+    return nodes != 0u ? links.x | nodes << HYK_WAITING : 0u;
 }
+
+/* The slots of those leaves, one bit each. */
+uint hyk_slots_of(uint leaves, uvec2 bytes) {
+    uint slots = 0u;
+    for (uint place = 0u; place < 8u; place++) {
+        uint leaf = (place < 4u ? bytes.x : bytes.y) >> (place << 3 & 31u) & 255u, some = 15u >> (leaf >> 5) << (leaf & 31u);
+        slots |= (leaves >> place & 1u) != 0u ? some : 0u;
+    }
+    return slots;
+}
+
+/* The number of the highest bit of eight, found by way of a float: not all that run this count leading zeros. */
+uint hyk_highest_of_eight(uint bits) { return (floatBitsToUint(float(bits)) >> 23) - 127u; }
 
 /* ---- a triangle: hyi_confirm */
 
@@ -187,24 +211,34 @@ bool hyk_edges_agree(vec2 a, vec2 b, vec2 c) {
     return !(any(lessThan(edges, vec3(0.0))) && any(greaterThan(edges, vec3(0.0))));
 }
 
+/* The corners in the frame of the ray. */
+struct hyk_sheared { vec2 a, b, c; };
+
+hyk_sheared hyk_shear(hyk_aim aim, vec3 a, vec3 b, vec3 c) {
+    precise vec3 to_a = a - aim.origin, to_b = b - aim.origin, to_c = c - aim.origin;
+    return hyk_sheared(hyk_shear_corner(aim, to_a), hyk_shear_corner(aim, to_b), hyk_shear_corner(aim, to_c));
+}
+
+/* False: the ray misses the triangle. */
+bool hyk_may_hit(hyk_aim aim, hyk_slot slot) {
+    hyk_sheared s = hyk_shear(aim, hyk_turned(slot.a, aim.axis), hyk_turned(slot.b, aim.axis), hyk_turned(slot.c, aim.axis));
+    return hyk_edges_agree(s.a, s.b, s.c);
+}
+
 /* t of the ray, or HYK_NO_HIT where it is not within t_min and t_max. */
 float hyk_confirm(hyk_aim aim, hyk_slot slot, float t_min, float t_max, out vec2 weights) {
     vec3 a = hyk_turned(slot.a, aim.axis), b = hyk_turned(slot.b, aim.axis), c = hyk_turned(slot.c, aim.axis);
-    precise vec3 to_a = a - aim.origin, to_b = b - aim.origin, to_c = c - aim.origin;
-    vec2 p = hyk_shear_corner(aim, to_a), q = hyk_shear_corner(aim, to_b), r = hyk_shear_corner(aim, to_c);
-    if (!hyk_edges_agree(p, q, r)) return HYK_NO_HIT;
+    hyk_sheared s = hyk_shear(aim, a, b, c);
     double distance;
-    if (!hyk_plane_distance(aim, a, b, c, distance)) return HYK_NO_HIT;
+    bool crosses = hyk_plane_distance(aim, a, b, c, distance);
     float t = float(distance * aim.unit);
-    if (!(t >= t_min && t <= t_max)) return HYK_NO_HIT;
-    dvec3 edges = dvec3(hyk_cross_exact(r, q), hyk_cross_exact(p, r), hyk_cross_exact(q, p));
+    dvec3 edges = dvec3(hyk_cross_exact(s.c, s.b), hyk_cross_exact(s.a, s.c), hyk_cross_exact(s.b, s.a));
     precise double some = edges.x + edges.y;
     precise double sum = some + edges.z;
     bool below = any(lessThan(edges, dvec3(0.0LF))), above = any(greaterThan(edges, dvec3(0.0LF)));
-    if ((below && above) || sum == 0.0LF) return HYK_NO_HIT;
     precise double inverse = 1.0LF / sum;
     weights = vec2(edges.yz * inverse);
-    return t;
+    return crosses && t >= t_min && t <= t_max && !(below && above) && sum != 0.0LF ? t : HYK_NO_HIT;
 }
 
 bool hyk_beats(hyk_best best, float t, uint instance, uint primitive) {
@@ -256,75 +290,100 @@ bool hyk_meet_shape(hyk_quest quest, inout hyk_aim aim, inout hyk_best best, uin
     return hyk_any;
 }
 
-/* One word of a stack: a node, and above it those of its children that wait. */
-#define HYK_WAITING 24u
-#define HYK_WAITS(group) ((group) > HYK_NODES_MOST)
-
-/* Takes the first waiting child of group: a node, then it is in child; or a leaf, then its slots are. The highest of
-   bits 24 to 31 is found by way of a float: not all that run this count leading zeros. */
-bool hyk_take_child(inout uint group, uint first_node, uint octant, out uint child, out uint first_slot, out uint slots) {
-    uint bit = (floatBitsToUint(float(group >> HYK_WAITING)) >> 23) - 127u, place = bit ^ octant;
+/* Takes the first waiting child of group. */
+uint hyk_take_child(inout uint group, uint octant) {
+    uint bit = hyk_highest_of_eight(group >> HYK_WAITING), child = (group & HYK_NODES_MOST) + (bit ^ octant);
     group ^= 1u << HYK_WAITING << bit;
-    uvec4 links = hyk_node_words(6u * (first_node + (group & HYK_NODES_MOST)) + 1u + (place >> 2));
-    uint field = ((place & 2u) != 0u ? links.w : links.z) >> ((place & 1u) << 4);
-    child = links.x + (field & 255u);
-    first_slot = links.y + (field & 255u);
-    slots = field >> 8 & 255u;
-    return slots == 0u;
+    group = HYK_WAITS(group) ? group : 0u;
+    return child;
 }
 
-/* Words that wait, the latest first: eight of them in registers, far quicker to reach than an invocation's own memory. */
-struct hyk_stack { uvec4 first, second; uint count; };
+/* The group in which only the root waits. */
+uint hyk_root(uint octant) { return 1u << HYK_WAITING << octant; }
+
+/* Groups that wait, the latest first, 0 after the last: twelve of them in registers, far quicker to reach than an
+   invocation's own memory. */
+#define HYK_REGISTERS 12u
+struct hyk_stack { uvec4 first, second, third; uint deep; };
 uint hyk_rest[hyk_depth]; /* not in the struct: glslang would copy it with every call */
 
-void hyk_put_aside(inout hyk_stack stack, uint group) {
-    if (stack.count >= 8u) hyk_rest[stack.count - 8u] = stack.second.w;
-    stack.second = uvec4(stack.first.w, stack.second.xyz);
-    stack.first = uvec4(group, stack.first.xyz);
-    stack.count++;
-}
-
-uint hyk_take_up(inout hyk_stack stack) {
-    uint group = stack.first.x;
-    stack.first = uvec4(stack.first.yzw, stack.second.x);
-    stack.second.xyz = stack.second.yzw;
-    if (stack.count > 8u) stack.second.w = hyk_rest[stack.count - 9u];
-    stack.count--;
-    return group;
-}
-
-/* Goes on until a leaf is met; false: there is none left. */
-bool hyk_find_leaf(hyk_aim aim, uint first_node, inout hyk_stack stack, inout uint group, out uint first_slot, out uint slots) {
-    first_slot = 0u;
-    slots = 0u;
-    while (slots == 0u) {
-        uint child;
-        if (!HYK_WAITS(group)) {
-            if (stack.count == 0u) return false;
-            group = hyk_take_up(stack);
-        }
-        if (hyk_take_child(group, first_node, aim.octant, child, first_slot, slots)) {
-            if (HYK_WAITS(group)) hyk_put_aside(stack, group);
-            group = child | hyk_meet_node(aim, 6u * (first_node + child)) << HYK_WAITING;
-        }
+/* In the place of the latest: what is left of it, and above that what its child has brought; each unless it is 0. Without
+   branches, which processors that pose as devices do not have within a loop. */
+void hyk_restack(inout hyk_stack s, uint left, uint brought) {
+    bool more = left != 0u && brought != 0u, less = left == 0u && brought == 0u;
+    bvec4 up = bvec4(more), down = bvec4(less);
+    uint last = s.third.w, next = 0u;
+    if (hyk_depth > HYK_REGISTERS) {
+        if (more && last != 0u) hyk_rest[s.deep++] = last;
+        if (less && s.deep > 0u) next = hyk_rest[--s.deep];
     }
-    return true;
+    uvec4 third = mix(mix(s.third, uvec4(s.third.yzw, next), down), uvec4(s.second.w, s.third.xyz), up);
+    uvec4 second = mix(mix(s.second, uvec4(s.second.yzw, s.third.x), down), uvec4(s.first.w, s.second.xyz), up);
+    uvec4 first = mix(mix(s.first, uvec4(s.first.yzw, s.second.x), down), uvec4(0u, left, s.first.yz), up);
+    first.x = brought != 0u ? brought : left != 0u ? left : first.x;
+    s.first = first;
+    s.second = second;
+    s.third = third;
 }
 
-/* Nodes until a leaf, then the leaf: so that the lanes of a subgroup do the same at the same time (Aila & Laine 2009,
-   "Understanding the efficiency of ray traversal on GPUs", while-while). Returns whether a quest for anything is done. */
-bool hyk_walk(hyk_quest quest, hyk_tree tree, inout hyk_aim aim, inout hyk_best best) {
-    hyk_stack stack;
-    stack.count = 0u;
-    uint group = hyk_meet_node(aim, 6u * tree.first_node) << HYK_WAITING, first_slot, slots;
-    while (hyk_find_leaf(aim, tree.first_node, stack, group, first_slot, slots)) {
-        for (uint i = 0u; i < slots; i++) {
-            hyk_slot slot = hyk_slot_at(tree.first_slot + first_slot + i);
-            bool done = quest.boxes ? hyk_meet_shape(quest, aim, best, slot.item) : hyk_meet_triangle(quest, aim, best, slot);
-            if (done) return true;
+/* The first slot of those in a word with one bit a slot, which must not be 0; its bit goes. */
+uint hyk_take_slot(inout uint slots) {
+    uint lowest = slots & (~slots + 1u);
+    slots ^= lowest;
+    return (floatBitsToUint(float(int(lowest))) >> 23 & 255u) - 127u;
+}
+
+/* Those that the ray may hit. */
+uint hyk_sift(hyk_aim aim, uint first_slot, uint slots) {
+    uint found = 0u;
+    for (;;) {
+        if (slots != 0u) {
+            uint slot = hyk_take_slot(slots);
+            if (hyk_may_hit(aim, hyk_slot_at(first_slot + slot))) found |= 1u << slot;
         }
+        if (slots == 0u) break;
     }
-    return false;
+    return found;
+}
+
+/* Whether the walk is over. */
+bool hyk_meet_slots(hyk_quest quest, inout hyk_aim aim, inout hyk_best best, bool boxes, uint first_slot, uint slots) {
+    bool done = false;
+    if (!boxes) slots = hyk_sift(aim, first_slot, slots);
+    for (;;) {
+        if (slots != 0u) {
+            hyk_slot slot = hyk_slot_at(first_slot + hyk_take_slot(slots));
+            done = boxes ? hyk_meet_shape(quest, aim, best, slot.item) : hyk_meet_triangle(quest, aim, best, slot);
+        }
+        if (done || slots == 0u) break;
+    }
+    return done;
+}
+
+/* Nodes until there are leaves, then the leaves: so that the lanes of a subgroup do the same at the same time (Aila & Laine
+   2009, "Understanding the efficiency of ray traversal on GPUs", while-while). Loops end at their end: where lanes are those
+   of a processor's vectors, one that ends at its beginning is gone through once more by no lane. And what such a loop hands
+   on is set behind a condition: lavapipe (Mesa 22.3) works it out again for the lanes that have left the loop, from what
+   they have become, and keeps only what a condition keeps. Returns whether a quest for anything is done. */
+bool hyk_walk(hyk_quest quest, hyk_tree tree, inout hyk_aim aim, inout hyk_best best, bool boxes) {
+    hyk_stack stack = hyk_stack(uvec4(hyk_root(aim.octant), 0u, 0u, 0u), uvec4(0u), uvec4(0u), 0u);
+    uint first_word = HYK_NODE_TEXELS * tree.first_node;
+    bool done = false;
+    for (;;) {
+        uint leaves = 0u;
+        uvec4 links = uvec4(0u);
+        for (;;) {
+            if (leaves == 0u) {
+                uint group = stack.first.x, child = hyk_take_child(group, aim.octant);
+                uint brought = hyk_meet_node(aim, first_word + HYK_NODE_TEXELS * child, leaves, links);
+                hyk_restack(stack, group, brought);
+            }
+            if (leaves != 0u || stack.first.x == 0u) break;
+        }
+        done = hyk_meet_slots(quest, aim, best, boxes, tree.first_slot + links.y, hyk_slots_of(leaves, links.zw));
+        if (done || stack.first.x == 0u) break;
+    }
+    return done;
 }
 
 vec3 hyk_into(hyk_instance placed, vec3 p, float one) {
@@ -351,28 +410,29 @@ bool hyk_visit(inout hyk_quest quest, uint item, inout hyk_best best) {
     quest.asks_alpha = tree.asks_alpha != 0u;
     hyk_aim aim;
     if (!hyk_aim_at(aim, tree, origin, direction, quest.ray.t_min, best.t, false)) return false;
-    return hyk_walk(quest, tree, aim, best);
+    return hyk_walk(quest, tree, aim, best, false);
 }
 
 bool hyk_walk_top(hyk_quest quest, inout hyk_best best) {
     hyk_tree top = hyk_trees[HYK_TREE_TOP];
     hyk_aim aim;
     if (!hyk_aim_at(aim, top, quest.ray.origin, quest.ray.direction, quest.ray.t_min, best.t, true)) return false;
-    uint stack[hyk_top_depth], depth = 0u;
-    uint group = hyk_meet_node(aim, 6u * top.first_node) << HYK_WAITING;
+    uint stack[hyk_top_depth], depth = 0u, group = hyk_root(aim.octant);
     for (;;) {
-        if (!HYK_WAITS(group)) {
+        uint leaves;
+        uvec4 links;
+        uint child = hyk_take_child(group, aim.octant);
+        uint brought = hyk_meet_node(aim, HYK_NODE_TEXELS * (top.first_node + child), leaves, links);
+        if (group != 0u && brought != 0u) stack[depth++] = group;
+        group = brought != 0u ? brought : group;
+        uint slots = hyk_slots_of(leaves, links.zw);
+        while (slots != 0u) {
+            if (hyk_visit(quest, hyk_slot_at(top.first_slot + links.y + hyk_take_slot(slots)).item, best)) return true;
+            hyk_aim_limit(aim, best.t);
+        }
+        if (group == 0u) {
             if (depth == 0u) return false;
             group = stack[--depth];
-        }
-        uint child, first_slot, slots;
-        if (hyk_take_child(group, top.first_node, aim.octant, child, first_slot, slots)) {
-            if (HYK_WAITS(group)) stack[depth++] = group;
-            group = child | hyk_meet_node(aim, 6u * (top.first_node + child)) << HYK_WAITING;
-        }
-        for (uint i = 0u; i < slots; i++) {
-            if (hyk_visit(quest, hyk_slot_at(top.first_slot + first_slot + i).item, best)) return true;
-            hyk_aim_limit(aim, best.t);
         }
     }
     return false;
@@ -386,15 +446,14 @@ bool hyk_walk_single(inout hyk_quest quest, inout hyk_best best) {
     quest.asks_alpha = tree.asks_alpha != 0u;
     hyk_aim aim;
     if (!hyk_aim_at(aim, tree, quest.ray.origin, quest.ray.direction, quest.ray.t_min, best.t, false)) return false;
-    return hyk_walk(quest, tree, aim, best);
+    return hyk_walk(quest, tree, aim, best, false);
 }
 
 bool hyk_walk_shapes(hyk_quest quest, inout hyk_best best) {
     hyk_tree tree = hyk_trees[HYK_TREE_SHAPES];
-    quest.boxes = true;
     hyk_aim aim;
     if (!hyk_aim_at(aim, tree, quest.ray.origin, quest.ray.direction, quest.ray.t_min, best.t, true)) return false;
-    return hyk_walk(quest, tree, aim, best);
+    return hyk_walk(quest, tree, aim, best, true);
 }
 
 /* The nearest of triangles and light shapes, or with hyk_any some of them. */
@@ -403,7 +462,6 @@ hyk_best hyk_trace(hyk_ray ray, bool skip_hidden) {
     hyk_quest quest;
     quest.ray = ray;
     quest.skip_hidden = skip_hidden;
-    quest.boxes = false;
     quest.world_count = hyk_trees[HYK_TREE_WORLD].meshes;
     bool done = HYK_HAS(hyk_features, HYK_NEEDS_INSTANCES) ? hyk_walk_top(quest, best) : hyk_walk_single(quest, best);
     if (best.instance != HYK_NONE) hyk_locate(quest.world_count, best.instance, best.primitive);

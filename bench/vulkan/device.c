@@ -116,32 +116,28 @@ static bool meets_triangle(walker *w, const hyk_slot *slot) {
     return true;
 }
 
-/* What a node says of the child at a place: its 16 bits, and the numbers they count from. */
-static uint32_t field_of(const uint32_t *node, uint32_t place) {
-    return node[HYK_NODE_LINKS + place / 4 * 4 + 2 + place / 2 % 2] >> 16 * (place % 2) & 0xffffu;
-}
-
-/* Whether a walk for anything is over. */
-static bool walk_leaf(walker *w, const uint32_t *node, uint32_t field) {
-    uint32_t first = node[HYK_NODE_LINKS + 1] + (field & 255u);
-    for (uint32_t i = 0; i < field >> 8; i++) {
+/* Whether a walk for anything is over. leaf: what a node says of it. */
+static bool walk_leaf(walker *w, const uint32_t *node, uint32_t leaf) {
+    uint32_t first = node[HYK_NODE_SLOTS] + (leaf & 31u);
+    for (uint32_t i = 0; i < HYK_LEAF_MOST - (leaf >> 5); i++) {
         w->slots_met++;
         if (meets_triangle(w, &w->slots[first + i]) && w->any) return true;
     }
     return false;
 }
 
-/* As on the device, which children a node's ray meets is settled when the node is met, not when the child is taken. */
+/* As on the device, which children a node's ray meets is settled when the node is met, and leaves come before nodes. */
 static bool walk_node(walker *w, uint32_t index) {
     const uint32_t *node = w->nodes + (size_t)HYK_NODE_WORDS * index;
     uint32_t met = 0;
     w->nodes_met++;
     for (uint32_t place = 0; place < HYI_WIDTH; place++)
-        if ((node[HYK_NODE_STEPS] >> (24 + place) & 1u) && meets_child(w, node, place)) met |= 1u << place;
+        if (meets_child(w, node, place)) met |= 1u << place;
+    for (uint32_t place = 0; place < HYI_WIDTH; place++)
+        if ((met >> place & 1u) && walk_leaf(w, node, node[HYK_NODE_LEAVES + place / 4] >> 8 * (place % 4) & 255u)) return true;
     for (uint32_t turn = HYI_WIDTH; turn-- > 0;) {
-        uint32_t place = turn ^ w->octant, field = field_of(node, place);
-        if (!(met >> place & 1u)) continue;
-        if (field >> 8 ? walk_leaf(w, node, field) : walk_node(w, node[HYK_NODE_LINKS] + field)) return true;
+        uint32_t place = turn ^ w->octant;
+        if ((met & node[HYK_NODE_STEPS] >> 24) >> place & 1u && walk_node(w, node[HYK_NODE_CHILDREN] + place)) return true;
     }
     return false;
 }

@@ -3,21 +3,25 @@
    After Ylitie, Karras, Laine 2017, "Efficient incoherent ray traversal on GPUs through compressed wide BVHs": the boxes
    of a node's children are numbers of 8 bits on a grid of the node's own, whose steps are powers of two, rounded outwards.
    A child's place says in which octant of the node it lies, so that a ray finds its order by one exclusive or. Other than
-   there, leaves may hold eight triangles, and each has a field of its own instead of a unary code. */
+   there, leaves hold up to four triangles, and children that are nodes stand at their places in memory too, with gaps where
+   a place between them is a leaf's: one addition finds them. */
 #ifndef HYK_TREE_H
 #define HYK_TREE_H
 
 #include "layouts.h"
 
-/* Words of a node. Words 12 to 23: lower x, upper x, lower y, upper y, lower z, upper z, eight bytes each. */
-#define HYK_NODE_WORDS 24u
+/* Words of a node. Words 8 to 19: lower x, upper x, lower y, upper y, lower z, upper z, eight bytes each. */
+#define HYK_NODE_WORDS 20u
+#define HYK_NODE_TEXELS 5u   /* four words each */
 #define HYK_NODE_ORIGIN 0u   /* three floats */
-#define HYK_NODE_STEPS 3u    /* exponents of the grid's steps, biased as in a float, a byte an axis; top byte: which places have a child */
-/* Four words for places 0 to 3, and four for the others, so that one fetch tells of a child: the first child that is a
-   node, the first slot of the leaves, and 16 bits a place: count of slots << 8 | which of the slots, or with no slots
-   which of the nodes. */
-#define HYK_NODE_LINKS 4u
-#define HYK_NODE_PLANES 12u
+#define HYK_NODE_STEPS 3u    /* exponents of the grid's steps, biased as in a float, a byte an axis; top byte: which places have a node */
+#define HYK_NODE_CHILDREN 4u /* the node at a place is this + the place */
+#define HYK_NODE_SLOTS 5u    /* the first of its leaves' slots */
+#define HYK_NODE_LEAVES 6u   /* a byte a place: the first of a leaf's slots, counted from there | HYK_LEAF_MOST less their count << 5 */
+#define HYK_NODE_PLANES 8u
+
+/* Slots of a leaf: those of a node's leaves are then bits of one word. A place without a leaf lacks all of them. */
+#define HYK_LEAF_MOST 4u
 
 /* Nodes of one tree; the others of a stack's word tell which of its children wait. */
 #define HYK_NODES_MOST 0x00ffffffu

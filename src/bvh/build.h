@@ -50,7 +50,7 @@ HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float 
     build.positions = positions;
     build.indices = indices;
     build.source_count = triangle_count;
-    build.leaf_max = HYI_LEAF_MAX;
+    build.leaf_max = context->device ? HYI_LEAF_MAX_DEVICE : HYI_LEAF_MAX;
     build.best = quality != HYDRA_BUILD_FAST;
     build.bvh = bvh;
     return hyi_build_run(&build);

@@ -12,6 +12,7 @@
 
 #define HYI_WIDTH 8u
 #define HYI_LEAF_MAX 8u
+#define HYI_LEAF_MAX_DEVICE 4u /* where lanes are rays, and triangles are met one after the other */
 #define HYI_TREE_DEPTH 56u /* levels of the binary tree, and so of the wide one */
 #define HYI_PRIMITIVES_MAX (1u << 28)
 #define HYI_EMPTY_PLANE 1.0e38f

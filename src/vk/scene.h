@@ -178,7 +178,7 @@ HYI_FN void hyi_vk_mark_trees(const hydra_scene *scene, hyk_tree *trees) {
 }
 
 /* Rounded up, so that scenes of like depth share their pipelines. */
-HYI_FN uint32_t hyi_vk_stack_for(uint32_t levels) { return (levels + 8u) / 8u * 8u; }
+HYI_FN uint32_t hyi_vk_stack_for(uint32_t levels) { return levels ? (levels + 3u) / 4u * 4u : 4u; }
 
 HYI_FN void hyi_vk_measure_depths(const hydra_scene *scene, hyi_vk_scene *s) {
     uint32_t levels = scene->world.depth > scene->shapes.depth ? scene->world.depth : scene->shapes.depth;

@@ -12,13 +12,34 @@ typedef struct hyi_vk_forest {
     uint32_t node_count, slot_count; /* written so far */
 } hyi_vk_forest;
 
-HYI_FN uint32_t hyi_vk_nodes_of(const hyi_bvh *bvh) { return !bvh->primitive_count ? 0u : bvh->node_count ? bvh->node_count : 1u; }
+/* Gaps between nodes, at most. */
+HYI_INLINE uint32_t hyi_vk_gaps_of(uint32_t nodes) { return nodes / 4u + HYI_WIDTH; }
+
+/* Leaves that get a node of their own. */
+HYI_FN uint32_t hyi_vk_large_leaves(const hyi_bvh *bvh) {
+    uint32_t large = 0;
+    for (uint32_t i = 0; i < bvh->node_count; i++)
+        for (uint32_t p = 0; p < HYI_WIDTH; p++) {
+            uint32_t child = bvh->nodes[i].child[p];
+            if (hyi_child_is_leaf(child) && hyi_leaf_count(child) > HYK_LEAF_MOST) large++;
+        }
+    return large;
+}
+
+/* At most, with gaps. */
+HYI_FN uint32_t hyi_vk_nodes_of(const hyi_bvh *bvh) {
+    if (!bvh->primitive_count) return 0;
+    uint32_t nodes = bvh->node_count + hyi_vk_large_leaves(bvh);
+    return nodes ? nodes + hyi_vk_gaps_of(nodes) : 1u;
+}
+
 HYI_FN uint32_t hyi_vk_slots_of(const hyi_bvh *bvh) { return bvh->primitive_count ? bvh->slot_count : 0u; }
 
 /* A child on its way into a node: its box, and what it is. */
 typedef struct hyi_vk_child {
     float box[6]; /* lower x, upper x, lower y, ... */
     uint32_t child;
+    uint32_t lane, lanes; /* which of a leaf's triangles; lanes 0: a node */
 } hyi_vk_child;
 
 /* ---- which place a child takes */
@@ -111,90 +132,133 @@ HYI_FN void hyi_vk_write_slot(const hyi_bvh *bvh, uint32_t leaf, uint32_t lane, 
 
 /* ---- nodes */
 
+/* A node that waits to be planted: a node of the tree, or a leaf too large for one place. */
+typedef struct hyi_vk_seed {
+    hyi_vk_child from;
+    uint32_t to;
+} hyi_vk_seed;
+
 typedef struct hyi_vk_planting {
     const hyi_bvh *bvh;
     hyi_vk_forest *forest;
-    uint32_t first_node, first_slot, next_node, next_slot;
+    uint32_t first_node, next_node; /* the latter from the former, as all of a node's links */
+    uint32_t first_slot, next_slot;
+    uint32_t gaps; /* that there may still be */
+    hyi_vk_seed waiting[HYI_STACK];
+    uint32_t waiting_count;
 } hyi_vk_planting;
 
-HYI_FN uint32_t hyi_vk_gather_children(const hyi_node *from, hyi_vk_child *children) {
+/* The parts of a leaf, in its box. */
+HYI_FN uint32_t hyi_vk_part_leaf(const hyi_vk_child *leaf, hyi_vk_child *parts) {
+    uint32_t count = hyi_leaf_count(leaf->child), n = 0;
+    for (uint32_t lane = 0; lane < count; lane += HYK_LEAF_MOST, n++) {
+        parts[n] = *leaf;
+        parts[n].lane = lane;
+        parts[n].lanes = count - lane < HYK_LEAF_MOST ? count - lane : HYK_LEAF_MOST;
+    }
+    return n;
+}
+
+HYI_FN uint32_t hyi_vk_gather_children(const hyi_bvh *bvh, const hyi_vk_child *of, hyi_vk_child *children) {
     uint32_t count = 0;
+    if (hyi_child_is_leaf(of->child)) return hyi_vk_part_leaf(of, children);
+    const hyi_node *from = &bvh->nodes[of->child];
     for (uint32_t i = 0; i < HYI_WIDTH; i++) {
+        hyi_vk_child *c = &children[count];
         if (from->child[i] == HYI_CHILD_NONE) continue;
-        for (uint32_t p = 0; p < 6; p++) children[count].box[p] = from->planes[p][i];
-        children[count++].child = from->child[i];
+        for (uint32_t p = 0; p < 6; p++) c->box[p] = from->planes[p][i];
+        c->child = from->child[i];
+        c->lane = 0;
+        c->lanes = hyi_child_is_leaf(c->child) && hyi_leaf_count(c->child) <= HYK_LEAF_MOST ? hyi_leaf_count(c->child) : 0u;
+        count++;
     }
     return count;
 }
 
-HYI_FN void hyi_vk_link(uint32_t *node, uint32_t place, uint32_t field) {
-    node[HYK_NODE_LINKS + place / 4 * 4 + 2 + place / 2 % 2] |= field << 16 * (place % 2);
+/* Where those of a node's children stand that are nodes: from the first of their places to the last. */
+HYI_FN uint32_t hyi_vk_span(const hyi_vk_child *children, uint32_t count, const uint32_t place_of[HYI_WIDTH], uint32_t *lowest, uint32_t *nodes) {
+    uint32_t end = 0;
+    *lowest = HYI_WIDTH;
+    *nodes = 0;
+    for (uint32_t c = 0; c < count; c++) {
+        if (children[c].lanes) continue;
+        if (place_of[c] < *lowest) *lowest = place_of[c];
+        if (place_of[c] >= end) end = place_of[c] + 1;
+        ++*nodes;
+    }
+    return end;
 }
 
-HYI_FN void hyi_vk_plant_leaf(hyi_vk_planting *planting, uint32_t *node, uint32_t leaf, uint32_t place, uint32_t offset) {
-    uint32_t count = hyi_leaf_count(leaf);
-    hyi_vk_link(node, place, count << 8 | offset);
-    for (uint32_t i = 0; i < count; i++)
-        hyi_vk_write_slot(planting->bvh, leaf, i, &planting->forest->slots[planting->first_slot + planting->next_slot++]);
+/* Without gaps, and without an order. */
+HYI_FN void hyi_vk_pack_places(const hyi_vk_child *children, uint32_t count, uint32_t place_of[HYI_WIDTH]) {
+    uint32_t next = 0;
+    for (uint32_t turn = 0; turn < 2; turn++)
+        for (uint32_t c = 0; c < count; c++)
+            if ((children[c].lanes != 0) == (turn != 0)) place_of[c] = next++;
 }
 
-/* One node; below[] gets its children that are nodes, in order of place. Returns how many. */
-HYI_FN uint32_t hyi_vk_plant_node(hyi_vk_planting *planting, uint32_t index, const hyi_vk_child *children, uint32_t count, uint32_t below[HYI_WIDTH]) {
-    uint32_t node[HYK_NODE_WORDS] = { 0 }, place_of[HYI_WIDTH], child_at[HYI_WIDTH], inner = 0;
+/* Places for the children of a node, and nodes for those that are nodes. Returns what the place is added to. */
+HYI_FN uint32_t hyi_vk_allot(hyi_vk_planting *planting, const hyi_vk_child *children, uint32_t count, uint32_t place_of[HYI_WIDTH]) {
+    uint32_t lowest, nodes, end;
     hyi_vk_choose_places(children, count, place_of);
-    for (uint32_t p = 0; p < HYI_WIDTH; p++) child_at[p] = HYI_CHILD_NONE;
-    for (uint32_t c = 0; c < count; c++) child_at[place_of[c]] = children[c].child;
-    const uint32_t first_slot = planting->next_slot;
-    node[HYK_NODE_LINKS] = node[HYK_NODE_LINKS + 4] = planting->next_node;
-    node[HYK_NODE_LINKS + 1] = node[HYK_NODE_LINKS + 5] = first_slot;
-    for (uint32_t p = 0; p < HYI_WIDTH; p++) {
-        if (child_at[p] == HYI_CHILD_NONE) continue;
-        node[HYK_NODE_STEPS] |= 1u << (24 + p);
-        if (hyi_child_is_leaf(child_at[p])) {
-            hyi_vk_plant_leaf(planting, node, child_at[p], p, planting->next_slot - first_slot);
+    end = hyi_vk_span(children, count, place_of, &lowest, &nodes);
+    if (!nodes) return 0;
+    uint32_t base = planting->next_node > lowest ? planting->next_node - lowest : 0u, gaps = base + end - planting->next_node - nodes;
+    if (gaps > planting->gaps) {
+        hyi_vk_pack_places(children, count, place_of);
+        base = planting->next_node;
+        end = nodes;
+        gaps = 0;
+    }
+    planting->gaps -= gaps;
+    planting->next_node = base + end;
+    return base;
+}
+
+HYI_FN void hyi_vk_plant_leaf(hyi_vk_planting *planting, const hyi_vk_child *leaf) {
+    for (uint32_t i = 0; i < leaf->lanes; i++)
+        hyi_vk_write_slot(planting->bvh, leaf->child, leaf->lane + i, &planting->forest->slots[planting->first_slot + planting->next_slot++]);
+}
+
+/* One node; its children that are nodes then wait. */
+HYI_FN void hyi_vk_plant_node(hyi_vk_planting *planting, uint32_t index, const hyi_vk_child *children, uint32_t count) {
+    uint32_t node[HYK_NODE_WORDS] = { 0 }, place_of[HYI_WIDTH];
+    uint8_t leaves[HYI_WIDTH];
+    node[HYK_NODE_CHILDREN] = hyi_vk_allot(planting, children, count, place_of);
+    node[HYK_NODE_SLOTS] = planting->next_slot;
+    for (uint32_t p = 0; p < HYI_WIDTH; p++) leaves[p] = HYK_LEAF_MOST << 5;
+    for (uint32_t c = 0; c < count; c++) {
+        if (children[c].lanes) {
+            leaves[place_of[c]] = (uint8_t)((HYK_LEAF_MOST - children[c].lanes) << 5 | (planting->next_slot - node[HYK_NODE_SLOTS]));
+            hyi_vk_plant_leaf(planting, &children[c]);
         } else {
-            hyi_vk_link(node, p, inner);
-            below[inner++] = child_at[p];
+            hyi_vk_seed *seed = &planting->waiting[planting->waiting_count++];
+            seed->from = children[c];
+            seed->to = node[HYK_NODE_CHILDREN] + place_of[c];
+            node[HYK_NODE_STEPS] |= 1u << (24 + place_of[c]);
         }
     }
-    planting->next_node += inner;
+    for (uint32_t p = 0; p < HYI_WIDTH; p++) node[HYK_NODE_LEAVES + p / 4] |= (uint32_t)leaves[p] << 8 * (p % 4);
     hyi_vk_write_planes(node, children, count, place_of);
     memcpy(planting->forest->nodes + (size_t)HYK_NODE_WORDS * (planting->first_node + index), node, sizeof node);
-    return inner;
 }
 
-typedef struct hyi_vk_pair { uint32_t from, to; } hyi_vk_pair;
-
-/* Depth first, so that what lies together stands together. */
+/* Depth first, so that what lies together stands together. A tree that is one leaf gets a node above it. */
 HYI_FN void hyi_vk_plant_nodes(hyi_vk_planting *planting) {
-    hyi_vk_pair stack[HYI_STACK];
+    const hyi_bvh *bvh = planting->bvh;
     hyi_vk_child children[HYI_WIDTH];
-    uint32_t waiting = 1, below[HYI_WIDTH];
-    stack[0].from = planting->bvh->root;
-    stack[0].to = 0;
-    planting->next_node = 1;
-    while (waiting) {
-        hyi_vk_pair at = stack[--waiting];
-        uint32_t first = planting->next_node, count = hyi_vk_gather_children(&planting->bvh->nodes[at.from], children);
-        uint32_t inner = hyi_vk_plant_node(planting, at.to, children, count, below);
-        for (uint32_t i = inner; i-- > 0; waiting++) {
-            stack[waiting].from = below[i];
-            stack[waiting].to = first + i;
-        }
-    }
-}
-
-/* A tree that is one leaf gets a node above it. */
-HYI_FN void hyi_vk_plant_leaf_alone(hyi_vk_planting *planting) {
-    hyi_vk_child only;
-    uint32_t below[HYI_WIDTH];
+    hyi_vk_seed *root = &planting->waiting[0];
     for (uint32_t a = 0; a < 3; a++) {
-        only.box[2 * a] = planting->bvh->scaled.lower[a];
-        only.box[2 * a + 1] = planting->bvh->scaled.upper[a];
+        root->from.box[2 * a] = bvh->scaled.lower[a];
+        root->from.box[2 * a + 1] = bvh->scaled.upper[a];
     }
-    only.child = planting->bvh->root;
-    planting->next_node = 1;
-    hyi_vk_plant_node(planting, 0, &only, 1, below);
+    root->from.child = bvh->root;
+    root->to = 0;
+    planting->waiting_count = planting->next_node = 1;
+    while (planting->waiting_count) {
+        hyi_vk_seed at = planting->waiting[--planting->waiting_count];
+        hyi_vk_plant_node(planting, at.to, children, hyi_vk_gather_children(bvh, &at.from, children));
+    }
 }
 
 /* Appends bvh to the forest; what remains to be set in the record is asks_alpha and meshes. */
@@ -210,10 +274,10 @@ HYI_FN hyk_tree hyi_vk_plant(const hyi_bvh *bvh, hyi_vk_forest *forest) {
     memset(&planting, 0, sizeof planting);
     planting.bvh = bvh;
     planting.forest = forest;
+    planting.gaps = hyi_vk_gaps_of(bvh->node_count);
     tree.first_node = planting.first_node = forest->node_count;
     tree.first_slot = planting.first_slot = forest->slot_count;
-    if (hyi_child_is_leaf(bvh->root)) hyi_vk_plant_leaf_alone(&planting);
-    else hyi_vk_plant_nodes(&planting);
+    hyi_vk_plant_nodes(&planting);
     forest->node_count += planting.next_node;
     forest->slot_count += planting.next_slot;
     return tree;
