@@ -5471,6 +5471,7 @@ HYK_FN hyk_bool hyk_picture_holds(hyk_picture picture, hyk_uint x, hyk_uint y) {
 
 #define HYI_WIDTH 8u
 #define HYI_LEAF_MAX 8u
+#define HYI_LEAF_MAX_DEVICE 4u /* where lanes are rays, and triangles are met one after the other */
 #define HYI_TREE_DEPTH 56u /* levels of the binary tree, and so of the wide one */
 #define HYI_PRIMITIVES_MAX (1u << 28)
 #define HYI_EMPTY_PLANE 1.0e38f
@@ -7278,7 +7279,7 @@ HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float 
     build.positions = positions;
     build.indices = indices;
     build.source_count = triangle_count;
-    build.leaf_max = HYI_LEAF_MAX;
+    build.leaf_max = context->device ? HYI_LEAF_MAX_DEVICE : HYI_LEAF_MAX;
     build.best = quality != HYDRA_BUILD_FAST;
     build.bvh = bvh;
     return hyi_build_run(&build);
