@@ -212,6 +212,163 @@ static void spatial_splits_are_made_where_boxes_overlap(void **state) {
     ht_mesh_free(&mesh);
 }
 
+/* ---- the binary tree, before and after reinsertion */
+
+typedef struct bb_binary {
+    double surface;  /* of all nodes with children */
+    uint32_t leaves, depth;
+    uint8_t *seen;   /* by first reference of a leaf */
+} bb_binary;
+
+/* Boxes are the unions of those below, to the bit; parents, counts and heights are right. Returns the height. */
+static uint32_t bb_measure_binary(const hyi_build *build, uint32_t at, uint32_t depth, bb_binary *sums) {
+    const hyi_build_node *node = &build->nodes[at];
+    uint32_t heights[2], count = 0;
+    assert_true(depth < HYI_TREE_DEPTH);
+    sums->depth = depth > sums->depth ? depth : sums->depth;
+    if (hyi_build_is_leaf(node)) {
+        assert_int_equal(sums->seen[node->first]++, 0);
+        assert_int_equal(build->costs[at].height, 0);
+        sums->leaves++;
+        return 0;
+    }
+    assert_int_equal(build->parents[node->first / 2u], at);
+    for (uint32_t c = 0; c < 2; c++) {
+        heights[c] = bb_measure_binary(build, node->first + c, depth + 1, sums);
+        count += build->nodes[node->first + c].count & ~HYI_BUILD_INNER;
+    }
+    assert_true((node->count & ~HYI_BUILD_INNER) >= 2 && (node->count & ~HYI_BUILD_INNER) <= count); /* parts may have been added below */
+    for (int a = 0; a < 3; a++) {
+        const hyi_build_node *left = &build->nodes[node->first], *right = left + 1;
+        assert_true(node->lower[a] == (left->lower[a] < right->lower[a] ? left->lower[a] : right->lower[a]));
+        assert_true(node->upper[a] == (left->upper[a] > right->upper[a] ? left->upper[a] : right->upper[a]));
+    }
+    uint32_t height = 1 + (heights[0] > heights[1] ? heights[0] : heights[1]);
+    assert_int_equal(build->costs[at].height, height);
+    assert_true(build->costs[at].tips > 0);
+    sums->surface += (double)hyi_node_area(node);
+    return height;
+}
+
+static bb_binary bb_measure(const hyi_build *build) {
+    bb_binary sums = {0, 0, 0, (uint8_t *)calloc(build->capacity, 1)};
+    bb_measure_binary(build, build->node_capacity - 1u, 0, &sums);
+    free(sums.seen);
+    return sums;
+}
+
+/* Catches: boxes, counts, heights or links not mended; candidates that move where the tree gets dearer; leaves lost. Mesh 3
+   is nearly as deep as trees may be. */
+static void reinsertion_keeps_a_tree_and_makes_it_cheaper(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(98);
+    for (int m = 0; m < BB_MESHES; m++) {
+        tb_host host;
+        ht_mesh mesh = bb_mesh(m, &rng);
+        hyi_bvh bvh;
+        hyi_build build;
+        tb_open(&host);
+        memset(&bvh, 0, sizeof bvh);
+        hyi_build_describe(&build, &host.context, mesh.positions, mesh.indices, mesh.index_count / 3, HYDRA_BUILD_BEST, &bvh);
+        assert_int_equal(hyi_build_refs(&build), HYDRA_OK);
+        assert_int_equal(hyi_build_tree(&build), HYDRA_OK);
+        bb_binary before = bb_measure(&build);
+        assert_int_equal(hyi_reinsert_best(&build), HYDRA_OK);
+        bb_binary after = bb_measure(&build);
+        assert_int_equal(after.leaves, before.leaves);
+        assert_true(after.surface <= before.surface * 1.00001);
+        if (m == 3 || m == 4) assert_true(after.surface < 0.98 * before.surface);
+        hyi_build_release(&build);
+        tb_close(&host);
+        ht_mesh_free(&mesh);
+    }
+}
+
+/* A node that is neither the root, nor below node, nor next to it already, nor where the tree would get too deep. */
+static bool bb_may_go(const hyi_build *build, uint32_t node, uint32_t to) {
+    if (to == hyi_parent_of(build, node) || to == (node ^ 1u) || hyi_parent_of(build, to) == HYI_NO_NODE) return false;
+    for (uint32_t at = to; at != HYI_NO_NODE; at = hyi_parent_of(build, at))
+        if (at == node) return false;
+    return !hyi_move_is_deep(build, node, to);
+}
+
+/* Catches: boxes not mended where a node becomes the sibling of its own grandparent. */
+static void any_node_may_go_anywhere(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(96);
+    tb_host host;
+    ht_mesh mesh = bb_mesh(0, &rng);
+    hyi_bvh bvh;
+    hyi_build build;
+    uint32_t made = 0;
+    tb_open(&host);
+    memset(&bvh, 0, sizeof bvh);
+    hyi_build_describe(&build, &host.context, mesh.positions, mesh.indices, mesh.index_count / 3, HYDRA_BUILD_BEST, &bvh);
+    assert_int_equal(hyi_build_refs(&build), HYDRA_OK);
+    assert_int_equal(hyi_build_tree(&build), HYDRA_OK);
+    uint32_t root = build.node_capacity - 1u, places[2] = {root, root};
+    for (uint32_t n = 0; n < 4000; n++) {
+        for (int k = 0; k < 2; k++) { /* down at random; a leaf is left for the root */
+            bool leaf = hyi_build_is_leaf(&build.nodes[places[k]]);
+            places[k] = leaf ? root : build.nodes[places[k]].first + (ht_range(&rng, 0, 1) < 0.5f ? 0u : 1u);
+        }
+        uint32_t node = places[0], to = places[1], parent = hyi_parent_of(&build, node);
+        if (node == root || parent == root) continue;
+        if (n % 2 == 0) to = hyi_parent_of(&build, parent);
+        if (!bb_may_go(&build, node, to)) continue;
+        hyi_make_move(&build, node, to);
+        places[0] = places[1] = root;
+        made++;
+    }
+    assert_true(made > 200);
+    hyi_cost_mended(&build, root);
+    (void)bb_measure(&build);
+    hyi_build_release(&build);
+    tb_close(&host);
+    ht_mesh_free(&mesh);
+}
+
+/* A few neighbours of a mesh become one unit. Catches: units that do not merge, or that only their limit stops. */
+static void units_are_leaves_of_a_few(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(92);
+    for (int m = 1; m < 3; m++) {
+        tb_host host;
+        ht_mesh mesh = bb_mesh(m, &rng);
+        uint32_t triangles = mesh.index_count / 3;
+        hyi_bvh bvh;
+        hyi_build build;
+        tb_open(&host);
+        memset(&bvh, 0, sizeof bvh);
+        hyi_build_describe(&build, &host.context, mesh.positions, mesh.indices, triangles, HYDRA_BUILD_FAST, &bvh);
+        assert_int_equal(hyi_build_refs(&build), HYDRA_OK);
+        assert_int_equal(hyi_build_units(&build), HYDRA_OK);
+        assert_true(build.ref_count < triangles / 2u && build.ref_count > triangles / 6u);
+        hyi_build_release(&build);
+        tb_close(&host);
+        ht_mesh_free(&mesh);
+    }
+}
+
+/* Quick trees cost rays little more than the best without spatial splits. Catches: an order that is none, and
+   wrong boxes. */
+static void quick_trees_are_good_ones(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(99);
+    for (int m = 0; m < 3; m++) {
+        tb_host host;
+        ht_mesh mesh = bb_mesh(m, &rng);
+        tb_open(&host);
+        hyi_bvh quick = bb_build(&host, &mesh, HYDRA_BUILD_FAST), best = bb_build(&host, &mesh, HYDRA_BUILD_BEST);
+        assert_true(hyi_bvh_cost(&quick) < 1.12f * hyi_bvh_cost(&best));
+        assert_true((float)quick.node_count < 1.5f * (float)best.node_count);
+        hyi_bvh_free(&host.context, &quick);
+        hyi_bvh_free(&host.context, &best);
+        tb_close(&host);
+        ht_mesh_free(&mesh);
+    }
+}
+
 /* Both trees find the same hits. Rays start and end on the grid of the corners now and then. */
 static void both_qualities_find_the_same(void **state) {
     (void)state;
@@ -327,6 +484,10 @@ int hydra_test_bvh_build(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(trees_hold_every_point_of_every_triangle),
         cmocka_unit_test(spatial_splits_are_made_where_boxes_overlap),
+        cmocka_unit_test(reinsertion_keeps_a_tree_and_makes_it_cheaper),
+        cmocka_unit_test(any_node_may_go_anywhere),
+        cmocka_unit_test(units_are_leaves_of_a_few),
+        cmocka_unit_test(quick_trees_are_good_ones),
         cmocka_unit_test(both_qualities_find_the_same),
         cmocka_unit_test(any_order_of_work_builds_the_same),
         cmocka_unit_test(failing_memory_leaks_nothing),

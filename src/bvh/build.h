@@ -9,7 +9,9 @@ HYI_FN void hyi_build_release(hyi_build *build) {
     hyi_free_array(build->context, &build->chunks, build->chunk_count);
     hyi_free_array(build->context, &build->refs, build->capacity);
     hyi_free_array(build->context, &build->other, build->capacity);
+    hyi_free_array(build->context, &build->order, build->primitive_count);
     hyi_free_array(build->context, &build->nodes, build->node_capacity);
+    hyi_free_array(build->context, &build->parents, build->capacity);
     hyi_free_array(build->context, &build->costs, build->node_capacity);
     hyi_free_array(build->context, &build->tasks, build->task_capacity);
     hyi_free_array(build->context, &build->wide_tasks, build->wide_task_capacity);
@@ -18,10 +20,12 @@ HYI_FN void hyi_build_release(hyi_build *build) {
 HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
     HYI_TRY(hyi_build_refs(build));
     if (build->ref_count == 0) return HYDRA_OK;
+    if (build->in_units) HYI_TRY(hyi_build_units(build));
     HYI_TRY(hyi_build_tree(build));
+    if (build->best) HYI_TRY(hyi_reinsert_best(build));
+    hyi_free_array(build->context, &build->parents, build->capacity);
     hyi_free_array(build->context, &build->other, build->capacity);
     hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
-    HYI_TRY(hyi_build_costs(build));
     return hyi_collapse(build);
 }
 
@@ -39,20 +43,27 @@ HYI_FN hydra_result hyi_build_run(hyi_build *build) {
     return result;
 }
 
+HYI_FN void hyi_build_describe(hyi_build *build, hydra_context *context, const float *positions, const uint32_t *indices,
+                               uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {
+    memset(build, 0, sizeof *build);
+    build->context = context;
+    build->positions = positions;
+    build->indices = indices;
+    build->source_count = triangle_count;
+    build->leaf_max = context->device ? HYI_LEAF_MAX_DEVICE : HYI_LEAF_MAX;
+    build->best = quality != HYDRA_BUILD_FAST;
+    build->in_units = !build->best;
+    build->range_max = build->in_units ? 1u : HYI_LEAF_MAX;
+    build->bvh = bvh;
+}
+
 /* positions: x, y, z tightly packed and finite; indices: three a triangle, in range; quality: BEST or FAST. The tree
    depends on these alone, not on threads. Degenerate triangles are dropped and counted. With BEST a triangle may
    stand in several leaves. */
 HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
                                             uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {
     hyi_build build;
-    memset(&build, 0, sizeof build);
-    build.context = context;
-    build.positions = positions;
-    build.indices = indices;
-    build.source_count = triangle_count;
-    build.leaf_max = context->device ? HYI_LEAF_MAX_DEVICE : HYI_LEAF_MAX;
-    build.best = quality != HYDRA_BUILD_FAST;
-    build.bvh = bvh;
+    hyi_build_describe(&build, context, positions, indices, triangle_count, quality, bvh);
     return hyi_build_run(&build);
 }
 
@@ -63,7 +74,7 @@ HYI_FN hydra_result hyi_bvh_build_boxes(hydra_context *context, const hyi_box *b
     build.context = context;
     build.boxes = boxes;
     build.source_count = count;
-    build.leaf_max = 1;
+    build.leaf_max = build.range_max = 1;
     build.bvh = bvh;
     return hyi_build_run(&build);
 }

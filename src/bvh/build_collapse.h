@@ -5,7 +5,7 @@
 #ifndef HYI_BVH_BUILD_COLLAPSE_H
 #define HYI_BVH_BUILD_COLLAPSE_H
 
-#include "build_cost.h"
+#include "build_reinsert.h"
 
 /* Subtrees with no more references than this are written by one thread. */
 #define HYI_WIDE_TASK 4096u
@@ -58,11 +58,24 @@ HYI_FN void hyi_family_share(hyi_family *family, const hyi_build *build, uint32_
     hyi_family_share(family, build, build->nodes[node].first + 1u, places - left);
 }
 
-HYI_FN void hyi_gather_family(const hyi_build *build, uint32_t node, hyi_family *family) {
-    uint32_t left = build->costs[node].left[HYI_WIDTH - 2u];
+/* Finds the children of a wide node, and keeps them where its costs were, which nobody asks for any more. */
+HYI_FN void hyi_gather_family(hyi_build *build, uint32_t node, hyi_family *family) {
+    hyi_cost *cost = &build->costs[node];
+    uint32_t left = cost->left[HYI_WIDTH - 2u];
     family->count = family->inner = 0;
     hyi_family_share(family, build, build->nodes[node].first, left);
     hyi_family_share(family, build, build->nodes[node].first + 1u, HYI_WIDTH - left);
+    memcpy(cost->as.members, family->member, sizeof family->member);
+    cost->tips = (uint8_t)family->count;
+}
+
+/* The same once more. */
+HYI_FN void hyi_recall_family(const hyi_build *build, uint32_t node, hyi_family *family) {
+    const hyi_cost *cost = &build->costs[node];
+    memcpy(family->member, cost->as.members, sizeof family->member);
+    family->count = cost->tips;
+    family->inner = 0;
+    for (uint32_t c = 0; c < family->count; c++) family->inner += hyi_becomes_leaf(build, family->member[c]) ? 0u : 1u;
 }
 
 /* ---- leaves */
@@ -73,6 +86,11 @@ HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t 
     if (!hyi_build_is_leaf(from)) {
         count = hyi_gather_leaf(build, from->first, count, ids);
         return hyi_gather_leaf(build, from->first + 1u, count, ids);
+    }
+    if (build->in_units) {
+        const hyi_ref *unit = &build->refs[from->first];
+        memcpy(ids + count, build->order + hyi_ref_id(unit), hyi_unit_count(unit) * sizeof *ids);
+        return count + hyi_unit_count(unit);
     }
     for (uint32_t i = 0; i < from->count; i++) {
         uint32_t id = hyi_ref_id(&build->refs[from->first + i]), at = 0;
@@ -157,7 +175,8 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
             continue;
         }
         walk->depth = depth + 1u > walk->depth ? depth + 1u : walk->depth;
-        hyi_gather_family(build, from, &family);
+        if (walk->writes) hyi_recall_family(build, from, &family);
+        else hyi_gather_family(build, from, &family);
         walk->next_node += family.inner;
         if (node) hyi_clear_node(node);
         for (uint32_t c = family.count, at = walk->next_node; c-- > 0;) {

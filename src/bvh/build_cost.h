@@ -6,7 +6,7 @@
 #ifndef HYI_BVH_BUILD_COST_H
 #define HYI_BVH_BUILD_COST_H
 
-#include "build_tree.h"
+#include "build_part.h"
 
 /* Expected costs, in visits of a node: a leaf is one pass over its lanes, and more memory with more triangles. */
 #define HYI_COST_NODE 1.0f
@@ -15,13 +15,19 @@
 
 #define HYI_COUNT_MANY 64u
 
+/* After the collapse has met a node that becomes a wide one, its children stand here instead. */
 typedef struct hyi_cost {
-    float in_places[HYI_WIDTH - 1u]; /* least cost in 1 to 7 places, as far as there are tips */
-    uint8_t left[HYI_WIDTH - 1u];    /* of 2 to 8 places, those for the left child; 0: one place less does as well */
-    uint8_t tips;                    /* leaves of the binary tree, up to HYI_WIDTH */
-    uint8_t count;                   /* references, up to HYI_COUNT_MANY */
-    bool leaf;                       /* in one place: whether as a leaf */
+    union {
+        float in_places[HYI_WIDTH];   /* least cost in 1 to 7 places; HYI_COST_NONE: there are not as many tips */
+        uint32_t members[HYI_WIDTH];
+    } as;
+    uint8_t left[HYI_WIDTH - 1u];     /* of 2 to 8 places, those for the left child; 0: one place less does as well */
+    uint8_t tips;                     /* leaves of the binary tree, up to HYI_WIDTH; 0: costs are not known; children */
+    uint8_t count;                    /* references, up to HYI_COUNT_MANY */
+    bool leaf;                        /* in one place: whether as a leaf */
+    uint8_t height;                   /* levels below */
 } hyi_cost;
+#define HYI_COST_NONE 1.0e37f
 
 HYI_INLINE float hyi_node_area(const hyi_build_node *node) {
     hyi_bounds box = hyi_bounds_load(node->lower, node->upper);
@@ -30,82 +36,84 @@ HYI_INLINE float hyi_node_area(const hyi_build_node *node) {
 
 HYI_INLINE float hyi_leaf_cost(float area, uint32_t count) { return area * (HYI_COST_LEAF + HYI_COST_TRIANGLE * (float)count); }
 
-HYI_INLINE void hyi_cost_of_leaf(const hyi_build_node *node, hyi_cost *cost) {
-    memset(cost, 0, sizeof *cost);
-    cost->in_places[0] = hyi_leaf_cost(hyi_node_area(node), node->count);
+HYI_INLINE uint32_t hyi_count_in(const hyi_build *build, const hyi_build_node *leaf) {
+    return build->in_units ? hyi_unit_count(&build->refs[leaf->first]) : leaf->count;
+}
+
+HYI_INLINE void hyi_cost_of_leaf(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
+    uint32_t count = hyi_count_in(build, node);
+    hyi_four none = hyi_four_all(HYI_COST_NONE);
+    memset(cost->left, 0, sizeof cost->left);
+    hyi_four_store(cost->as.in_places, none);
+    hyi_four_store(cost->as.in_places + 4, none);
+    cost->as.in_places[0] = hyi_leaf_cost(hyi_node_area(node), count);
     cost->tips = 1;
-    cost->count = (uint8_t)node->count;
+    cost->count = (uint8_t)count;
     cost->leaf = true;
+    cost->height = 0;
 }
 
-/* The best way to share out places, of which there are no more than tips, between two children. */
-HYI_INLINE float hyi_best_share(const hyi_cost *left, const hyi_cost *right, uint32_t places, uint8_t *to_left) {
-    uint32_t first = places > right->tips ? places - right->tips : 1u, last = left->tips < places ? left->tips : places - 1u;
-    float best = FLT_MAX;
-    *to_left = (uint8_t)first;
-    for (uint32_t k = first; k <= last; k++) {
-        float cost = left->in_places[k - 1u] + right->in_places[places - k - 1u];
-        if (cost < best) {
-            best = cost;
-            *to_left = (uint8_t)k;
-        }
+/* The best way to share out 2 to 8 places between two children: its cost, and how many the left one gets. */
+HYI_INLINE void hyi_best_shares(const hyi_cost *left, const hyi_cost *right, float shared[HYI_WIDTH], int32_t to_left[HYI_WIDTH]) {
+    hyi_four none = hyi_four_all(HYI_COST_NONE), low = none, high = none, low_left = hyi_four_all(1.0f), high_left = low_left;
+    float others[3u * HYI_WIDTH]; /* those of the right child from HYI_WIDTH on, nothing around them */
+    for (uint32_t i = 0; i < 3u * HYI_WIDTH; i += 4u)
+        hyi_four_store(others + i, i >= HYI_WIDTH && i < 2u * HYI_WIDTH ? hyi_four_load(right->as.in_places + (i - HYI_WIDTH)) : none);
+    for (uint32_t k = 1; k < HYI_WIDTH && k <= left->tips; k++) {
+        hyi_four mine = hyi_four_all(left->as.in_places[k - 1u]), here = hyi_four_all((float)k);
+        const float *rest = others + HYI_WIDTH + 1u - k;
+        hyi_four low_cost = hyi_four_add(mine, hyi_four_load(rest)), high_cost = hyi_four_add(mine, hyi_four_load(rest + 4));
+        low_left = hyi_four_pick_less(low_cost, low, here, low_left);
+        high_left = hyi_four_pick_less(high_cost, high, here, high_left);
+        low = hyi_four_min(low_cost, low);
+        high = hyi_four_min(high_cost, high);
     }
-    return best;
-}
-
-/* Costs in two and more places, but for a whole node's. */
-HYI_INLINE void hyi_cost_in_places(const hyi_cost *left, const hyi_cost *right, hyi_cost *cost) {
-    for (uint32_t places = 2; places < HYI_WIDTH && places <= cost->tips; places++) {
-        float shared = hyi_best_share(left, right, places, &cost->left[places - 2u]), less = cost->in_places[places - 2u];
-        cost->in_places[places - 1u] = shared < less ? shared : less;
-        if (!(shared < less)) cost->left[places - 2u] = 0;
-    }
+    hyi_four_store(shared, low);
+    hyi_four_store(shared + 4, high);
+    hyi_four_truncate(low_left, to_left);
+    hyi_four_truncate(high_left, to_left + 4);
 }
 
 HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
     const hyi_cost *left = &build->costs[node->first], *right = left + 1;
-    float area = hyi_node_area(node);
+    float area = hyi_node_area(node), shared[HYI_WIDTH];
+    int32_t to_left[HYI_WIDTH];
     uint32_t count = (uint32_t)left->count + right->count, tips = (uint32_t)left->tips + right->tips;
-    uint8_t whole_left;
+    hyi_best_shares(left, right, shared, to_left);
     tips = tips < HYI_WIDTH ? tips : HYI_WIDTH;
-    float wide = area * HYI_COST_NODE + hyi_best_share(left, right, tips, &whole_left);
+    float wide = area * HYI_COST_NODE + shared[tips - 2u];
     float leaf = count <= build->leaf_max ? hyi_leaf_cost(area, count) : FLT_MAX;
-    memset(cost->left, 0, sizeof cost->left);
     cost->tips = (uint8_t)tips;
     cost->count = (uint8_t)(count < HYI_COUNT_MANY ? count : HYI_COUNT_MANY);
     cost->leaf = leaf <= wide;
-    cost->in_places[0] = cost->leaf ? leaf : wide;
-    hyi_cost_in_places(left, right, cost);
-    cost->left[HYI_WIDTH - 2u] = whole_left;
+    cost->height = (uint8_t)(1u + (left->height > right->height ? left->height : right->height));
+    float least = cost->as.in_places[0] = cost->leaf ? leaf : wide;
+    for (uint32_t places = 2; places < HYI_WIDTH; places++) {
+        bool better = places <= tips && shared[places - 2u] < least;
+        least = better ? shared[places - 2u] : least;
+        cost->left[places - 2u] = (uint8_t)(better ? to_left[places - 2u] : 0);
+        cost->as.in_places[places - 1u] = places <= tips ? least : HYI_COST_NONE;
+    }
+    cost->as.in_places[HYI_WIDTH - 1u] = HYI_COST_NONE;
+    cost->left[HYI_WIDTH - 2u] = (uint8_t)to_left[tips - 2u];
 }
 
-/* Goes no deeper than HYI_TREE_DEPTH. next: the first task whose costs are known already; UINT32_MAX: there is none. */
-HYI_FN void hyi_cost_below(const hyi_build *build, uint32_t at, uint32_t *next) {
+/* The costs of a node whose children's are known. */
+HYI_INLINE void hyi_cost_of(const hyi_build *build, uint32_t at) {
     const hyi_build_node *node = &build->nodes[at];
+    if (hyi_build_is_leaf(node)) hyi_cost_of_leaf(build, node, &build->costs[at]);
+    else hyi_cost_of_inner(build, node, &build->costs[at]);
+}
+
+/* Those above the tasks, which were collected from left to right. Goes no deeper than HYI_TREE_DEPTH. */
+HYI_FN void hyi_cost_above(const hyi_build *build, uint32_t at, uint32_t *next) {
     if (*next < build->task_count && build->tasks[*next].node == at) {
         ++*next;
-    } else if (hyi_build_is_leaf(node)) {
-        hyi_cost_of_leaf(node, &build->costs[at]);
-    } else {
-        hyi_cost_below(build, node->first, next);
-        hyi_cost_below(build, node->first + 1u, next);
-        hyi_cost_of_inner(build, node, &build->costs[at]);
+        return;
     }
-}
-
-HYI_FN void hyi_cost_task(void *argument, uint32_t index) {
-    const hyi_build *build = (const hyi_build *)argument;
-    uint32_t none = UINT32_MAX;
-    hyi_cost_below(build, build->tasks[index].node, &none);
-}
-
-/* Costs of all subtrees; tasks were collected from left to right. */
-HYI_FN hydra_result hyi_build_costs(hyi_build *build) {
-    uint32_t next = 0;
-    HYI_TRY(hyi_alloc_array(build->context, &build->costs, build->node_capacity));
-    hyi_parallel(build->context, build->task_count, hyi_cost_task, build);
-    hyi_cost_below(build, build->node_capacity - 1u, &next);
-    return HYDRA_OK;
+    hyi_cost_above(build, build->nodes[at].first, next);
+    hyi_cost_above(build, build->nodes[at].first + 1u, next);
+    hyi_cost_of(build, at);
 }
 
 #endif /* HYI_BVH_BUILD_COST_H */

@@ -28,6 +28,7 @@ HYI_FN void hyi_link_children(hyi_build *build, const hyi_range *range, hyi_rang
     right->node = left->node + 1u;
     left->depth = right->depth = range->depth + 1u;
     left->in_other = right->in_other = range->in_other;
+    if (build->parents) build->parents[left->node / 2u] = range->node;
     build->nodes[range->node].first = left->node;
     build->nodes[range->node].count |= HYI_BUILD_INNER;
 }

@@ -41,13 +41,18 @@ typedef struct hyi_build {
     const hyi_box *boxes;     /* or boxes */
     uint32_t source_count, ref_count;
     uint32_t capacity;        /* places for references: ref_count and what spatial splits may add */
-    uint32_t leaf_max;
-    bool best;                /* spatial splits, down to single triangles; leaves are chosen afterwards */
+    uint32_t primitive_count; /* of which the references are, or units of them */
+    uint32_t leaf_max;        /* primitives in a leaf */
+    uint32_t range_max;       /* references in a range that no cut divides */
+    bool in_units;            /* a reference is a unit of several, see bvh-build-units */
+    uint32_t *order;          /* of units: ids by place */
+    bool best;                /* spatial splits, and reinsertion */
     float scale;
     hyi_ref *refs, *other;    /* other: where ranges are partitioned to */
     hyi_build_node *nodes;
     uint32_t node_capacity;
     struct hyi_cost *costs;   /* of subtrees, by node */
+    uint32_t *parents;        /* by pairs of nodes; NULL: nobody asks */
     hyi_chunk_sum *chunks;
     uint32_t chunk_count;
     struct hyi_chunk_split *chunk_splits;

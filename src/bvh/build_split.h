@@ -6,14 +6,13 @@
 #ifndef HYI_BVH_BUILD_SPLIT_H
 #define HYI_BVH_BUILD_SPLIT_H
 
-#include "build_refs.h"
+#include "build_units.h"
 
 #define HYI_BINS 32u
 
-/* Expected costs while cutting, by the triangle: of a visit to a leaf, and of a node's share that a cut takes. Wide nodes
-   and leaves are chosen afterwards, by the costs in bvh-build-cost. */
+/* Expected cost while cutting, by the triangle, of a visit to a leaf. Wide nodes and leaves are chosen afterwards, by the
+   costs in bvh-build-cost. */
 #define HYI_SPLIT_BLOCK 2.0f
-#define HYI_SPLIT_NODE (16.0f / 7.0f)
 
 typedef struct hyi_bins {
     hyi_bounds box[HYI_BINS][3];

@@ -2,7 +2,7 @@
 #ifndef HYI_BVH_BUILD_TREE_H
 #define HYI_BVH_BUILD_TREE_H
 
-#include "build_part.h"
+#include "build_cost.h"
 
 /* Ranges above this are cut by all threads together. */
 #define HYI_BUILD_LARGE (4u * HYI_BUILD_CHUNK)
@@ -32,16 +32,6 @@ typedef struct hyi_small {
     hyi_spatial_bins spatial;
 } hyi_small;
 
-/* Whether the range is better left a leaf. The children of a node are tested together, so cutting adds no
-   node of its own, only its share of one. */
-HYI_INLINE bool hyi_leaf_is_better(const hyi_build *build, const hyi_split *split, const hyi_range *range) {
-    if (range->count > build->leaf_max) return false;
-    if (split->axis < 0) return true;
-    if (build->best) return false;
-    float area = hyi_bounds_area(&range->box);
-    return hyi_primitives_cost(range->count) * area <= HYI_SPLIT_NODE * area + split->cost;
-}
-
 /* ---- small ranges, in one thread. They lie in refs; other is room to work in. */
 
 HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_range *range, const hyi_binning *binning) {
@@ -69,24 +59,58 @@ HYI_FN bool hyi_part_small(hyi_build *build, const hyi_range *range, const hyi_b
     return true;
 }
 
+#define HYI_SWEPT 8u
+
+/* Cuts a few units where they lie, at the best place there is: partitions keep the order, so it is still Morton's. */
+HYI_FN void hyi_sweep_units(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
+    const hyi_ref *refs = build->refs + range->first;
+    hyi_bounds after[HYI_SWEPT], box = hyi_bounds_empty();
+    float cost[HYI_SWEPT], best = FLT_MAX;
+    bool halves = hyi_depth_is_short(range->depth, range->count);
+    uint32_t middle = range->count / 2u;
+    for (uint32_t i = range->count; i-- > 1u;) {
+        hyi_bounds_add(&box, hyi_four_load(refs[i].lower), hyi_four_load(refs[i].upper));
+        after[i] = box;
+        cost[i] = hyi_bounds_area(&box) * (float)(range->count - i);
+    }
+    box = hyi_bounds_empty();
+    for (uint32_t i = 1; i < range->count; i++) {
+        hyi_bounds_add(&box, hyi_four_load(refs[i - 1u].lower), hyi_four_load(refs[i - 1u].upper));
+        float here = hyi_bounds_area(&box) * (float)i + cost[i];
+        if (halves ? i != range->count / 2u : here >= best) continue;
+        best = here;
+        middle = i;
+        left->box = box;
+    }
+    right->box = after[middle];
+    left->count = middle;
+    right->count = range->count - middle;
+    hyi_link_children(build, range, left, right);
+}
+
 /* Cuts a small range. Returns false where it becomes a leaf. */
 HYI_FN bool hyi_split_small(hyi_build *build, hyi_small *work, const hyi_range *range, hyi_range *left, hyi_range *right) {
     if (range->count < 2u) return false;
+    if (build->in_units && range->count <= HYI_SWEPT) {
+        hyi_sweep_units(build, range, left, right);
+        return true;
+    }
     hyi_binning binning = hyi_make_binning(&range->centroids, range->count);
     hyi_split split = hyi_choose_split(build, work, range, &binning);
-    if (hyi_leaf_is_better(build, &split, range)) return false;
+    if (split.axis < 0 && range->count <= build->range_max) return false;
     bool short_of_depth = hyi_depth_is_short(range->depth, range->count);
-    if (short_of_depth && range->count <= build->leaf_max) return false;
+    if (short_of_depth && range->count <= build->range_max) return false;
     if (split.axis >= 0 && !short_of_depth && hyi_part_small(build, range, &binning, &split, left, right)) return true;
-    if (range->count <= build->leaf_max) return false;
+    if (range->count <= build->range_max) return false;
     hyi_split_middle(build, range, left, right);
     return true;
 }
 
-/* Depth first with a list of its own: one entry a level at most. */
+/* Depth first with a list of its own: an entry a level for the other child, and one for the node itself, which gets its
+   costs when both are done. */
 HYI_FN void hyi_build_subtree(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
-    hyi_range list[HYI_TREE_DEPTH + 2u];
+    hyi_range list[2u * HYI_TREE_DEPTH + 4u];
     hyi_small work;
     uint32_t waiting = 1;
     list[0] = build->tasks[index];
@@ -94,8 +118,14 @@ HYI_FN void hyi_build_subtree(void *argument, uint32_t index) {
     list[0].in_other = false;
     while (waiting > 0) {
         hyi_range range = list[--waiting], left, right;
-        hyi_set_build_node(build, &range);
-        if (!hyi_split_small(build, &work, &range, &left, &right)) continue;
+        bool done = range.count == 0;
+        if (!done) hyi_set_build_node(build, &range);
+        if (done || !hyi_split_small(build, &work, &range, &left, &right)) {
+            hyi_cost_of(build, range.node);
+            continue;
+        }
+        list[waiting].node = range.node;
+        list[waiting++].count = 0;
         list[waiting++] = right;
         list[waiting++] = left;
     }
@@ -235,6 +265,9 @@ HYI_FN void hyi_split_large(hyi_build *build, const hyi_range *range, hyi_range 
 
 /* ---- the whole tree */
 
+/* Places that references of the tree may come to take. */
+HYI_INLINE uint32_t hyi_places(const hyi_build *build) { return build->best ? build->capacity : build->ref_count; }
+
 HYI_FN hyi_range hyi_root_range(const hyi_build *build) {
     hyi_range root;
     root.box = build->root_box;
@@ -242,7 +275,7 @@ HYI_FN hyi_range hyi_root_range(const hyi_build *build) {
     root.node = build->node_capacity - 1u;
     root.first = root.depth = 0;
     root.count = build->ref_count;
-    root.capacity = build->capacity;
+    root.capacity = hyi_places(build);
     root.in_other = false;
     return root;
 }
@@ -272,15 +305,22 @@ HYI_FN hydra_result hyi_collect_tasks(hyi_build *build) {
 
 /* The binary tree over all references; its root is the last node. */
 HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
-    build->node_capacity = 2u * build->capacity - 1u;
+    build->node_capacity = 2u * hyi_places(build) - 1u;
     HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
-    HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
+    HYI_TRY(hyi_alloc_array(build->context, &build->costs, build->node_capacity));
+    if (build->best) {
+        HYI_TRY(hyi_alloc_array(build->context, &build->parents, build->capacity));
+        build->parents[build->capacity - 1u] = UINT32_MAX; /* of the root */
+    }
+    if (!build->other) HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
     if (build->ref_count > HYI_BUILD_LARGE) {
         build->chunk_split_count = hyi_chunks_of(build->capacity);
         HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_split_count));
     }
     HYI_TRY(hyi_collect_tasks(build));
     hyi_parallel(build->context, build->task_count, hyi_build_subtree, build);
+    uint32_t next = 0;
+    hyi_cost_above(build, build->node_capacity - 1u, &next);
     return HYDRA_OK;
 }
 
