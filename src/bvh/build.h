@@ -53,7 +53,7 @@ HYI_FN void hyi_build_describe(hyi_build *build, hydra_context *context, const f
     build->leaf_max = context->device ? HYI_LEAF_MAX_DEVICE : HYI_LEAF_MAX;
     build->best = quality != HYDRA_BUILD_FAST;
     build->in_units = !build->best;
-    build->range_max = build->in_units ? 1u : HYI_LEAF_MAX;
+    build->range_max = build->in_units ? 1u : build->leaf_max;
     build->bvh = bvh;
 }
 
