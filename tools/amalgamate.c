@@ -108,6 +108,8 @@ static const char *const hydra_parts[] = {
 static const char *const vk_parts[] = {
     "shaders/shared/tree.h",
     "shaders/shared/scan.h",
+    "shaders/shared/sums.h",
+    "shaders/shared/film.h",
     "src/vk/functions.h",
     "src/vk/device.h",
     "src/vk/memory.h",
@@ -117,6 +119,7 @@ static const char *const vk_parts[] = {
     "src/vk/primitives.h",
     "src/vk/tree.h",
     "src/vk/scene.h",
+    "src/vk/film.h",
     "src/vk/passes.h",
     "src/vk/queries.h",
     "src/vk/create.h",

@@ -54,6 +54,12 @@ HYI_FN uint32_t hyi_stage_target(const hyi_schedule *schedule) {
 
 /* ---- what a chunk says about the error */
 
+/* From the sum of squared differences from the mean. */
+HYI_FN double hyi_variance_of(double scatter, uint32_t samples) {
+    double variance = scatter / (double)(samples - 1);
+    return variance > 0.0 ? variance : 0.0;
+}
+
 /* Sample variance of one pixel within a chunk, from both halves; each is a net of its own. */
 HYI_FN double hyi_chunk_variance(const float *luminance, uint32_t samples) {
     double sum = 0.0, squares = 0.0;
@@ -61,8 +67,7 @@ HYI_FN double hyi_chunk_variance(const float *luminance, uint32_t samples) {
         sum += (double)luminance[s];
         squares += (double)luminance[s] * (double)luminance[s];
     }
-    double variance = (squares - sum * sum / (double)samples) / (double)(samples - 1);
-    return variance > 0.0 ? variance : 0.0;
+    return hyi_variance_of(squares - sum * sum / (double)samples, samples);
 }
 
 /* ---- verdicts */
@@ -118,16 +123,21 @@ HYI_FN double hyi_stored_luminance(const hyi_film *film, size_t index) {
     return hyi_wide_luminance(mean);
 }
 
+/* luminance: of each pixel, where that is known from elsewhere, or NULL. */
+HYI_FN double hyi_known_luminance(const hyi_film *film, const double *luminance, size_t index) {
+    return luminance ? luminance[index] : hyi_stored_luminance(film, index);
+}
+
 /* Pixels beyond the region hold zeros and add nothing. */
-HYI_FN double hyi_brightness(const hyi_film *film) {
+HYI_FN double hyi_brightness(const hyi_film *film, const double *luminance) {
     double sum = 0.0;
-    for (size_t i = 0; i < hyi_film_pixel_count(film); i++) sum += hyi_stored_luminance(film, i);
+    for (size_t i = 0; i < hyi_film_pixel_count(film); i++) sum += hyi_known_luminance(film, luminance, i);
     return sum / ((double)(film->right - film->left) * (double)(film->bottom - film->top));
 }
 
-HYI_FN void hyi_weigh_tile(hyi_schedule *schedule, const hyi_film *film, size_t tile) {
+HYI_FN void hyi_weigh_tile(hyi_schedule *schedule, const hyi_film *film, const double *luminance, size_t tile) {
     for (size_t i = tile * film->tile_pixels; i < (tile + 1) * film->tile_pixels; i++) {
-        double scale = fmax(hyi_stored_luminance(film, i), HYI_DARK_SHARE * schedule->brightness);
+        double scale = fmax(hyi_known_luminance(film, luminance, i), HYI_DARK_SHARE * schedule->brightness);
         schedule->weights[i] = scale > 0.0 ? (float)(1.0 / scale) : 0.0f;
     }
 }
@@ -152,20 +162,23 @@ HYI_FN bool hyi_all_tiles_done(const hyi_schedule *schedule, const hyi_film *fil
     return true;
 }
 
-/* Lists the next round, moving on through the stages that owe nothing; false when every tile is done. Weights are of the
-   film as the stage found it: a render that is saved in mid-stage keeps them. */
+/* Lists the next round, moving on through the stages that owe nothing; false when every tile is done. */
 HYI_FN bool hyi_next_round(hyi_schedule *schedule, hyi_film *film) {
     for (hyi_list_round(schedule, film); !schedule->active_count; hyi_list_round(schedule, film)) {
         if (schedule->target > 0.0f) hyi_judge_tiles(schedule, film);
         if (hyi_all_tiles_done(schedule, film)) return false;
         schedule->stage++;
     }
-    if (schedule->target > 0.0f && schedule->weighed_stage != schedule->stage) {
-        schedule->brightness = hyi_brightness(film);
-        for (uint32_t i = 0; i < schedule->active_count; i++) hyi_weigh_tile(schedule, film, schedule->active[i]);
-        schedule->weighed_stage = schedule->stage;
-    }
     return true;
+}
+
+HYI_FN bool hyi_lacks_weights(const hyi_schedule *schedule) { return schedule->target > 0.0f && schedule->weighed_stage != schedule->stage; }
+
+/* Weights are of the film as the stage found it: a render that is saved in mid-stage keeps them. */
+HYI_FN void hyi_weigh_round(hyi_schedule *schedule, const hyi_film *film, const double *luminance) {
+    schedule->brightness = hyi_brightness(film, luminance);
+    for (uint32_t i = 0; i < schedule->active_count; i++) hyi_weigh_tile(schedule, film, luminance, schedule->active[i]);
+    schedule->weighed_stage = schedule->stage;
 }
 
 #endif /* HYI_ADAPTIVE_H */

@@ -131,6 +131,7 @@ HYDRA_API hydra_result hydra_render_read(hydra_render *render, hydra_output outp
     if (!hyi_output_is_there(render, output)) return hyi_fail(render->context, HYDRA_ERROR_OUTPUT, "output %d", (int)output);
     if (row_stride && row_stride < row) return hyi_fail(render->context, HYDRA_ERROR_STRIDE, "row_stride is %zu, a row has %zu bytes", row_stride, row);
     size_t stride = row_stride ? row_stride : row;
+    HYI_TRY(hyi_sync_film(render, false));
     if (output == HYDRA_ERROR) {
         hyi_error_reader reader = { render, (char *)pixels, stride };
         hyi_each_block(film, hyi_read_block_errors, &reader);

@@ -237,6 +237,11 @@ HYI_FN hyk_unit hyi_describe_unit(const hydra_render *r, uint32_t tile, uint32_t
     return unit;
 }
 
+/* Whether its samples are evidence for the verdict on their tile. */
+HYI_FN bool hyi_unit_is_judged(const hydra_render *r, const hyk_unit *unit) {
+    return r->schedule.weights && r->schedule.stage > 0 && unit->samples >= 4;
+}
+
 HYI_FN void hyi_keep_ids(hydra_render *r, size_t index, const hyi_lane *lane) {
     hyi_ids *ids = &r->film.ids[index];
     if (lane->instance >= HYK_HIT_SHAPE) return;
@@ -257,6 +262,17 @@ HYI_FN void hyi_accumulate_pixel(hydra_render *r, const hyi_tile *tile, const hy
     judgement[group] += weight * weight * hyi_chunk_variance(luminance, unit->samples);
 }
 
+/* A tile has got a chunk. judgement: by group, the weighted variance of its pixels. */
+HYI_FN void hyi_count_unit(const hydra_render *r, hyi_tile *tile, const hyk_unit *unit, const double judgement[HYI_GROUPS]) {
+    for (uint32_t g = 0; g < HYI_GROUPS; g++)
+        if (!(tile->closed >> g & 1u)) tile->reported[g] += unit->samples;
+    tile->taken += unit->samples;
+    tile->chunks++;
+    if (!hyi_unit_is_judged(r, unit)) return;
+    for (uint32_t g = 0; g < HYI_GROUPS; g++) hyi_sum_add(&tile->statistic[g], judgement[g]);
+    tile->judged++;
+}
+
 /* The order in which chunks arrive does not matter: every sum is exact. */
 HYI_FN void hyi_accumulate(hydra_render *r, uint32_t tile_index, const hyk_unit *unit, hyi_lane *lanes) {
     hyi_tile *tile = &r->film.tiles[tile_index];
@@ -266,14 +282,7 @@ HYI_FN void hyi_accumulate(hydra_render *r, uint32_t tile_index, const hyk_unit 
         hyi_lane *first = &lanes[p * unit->samples];
         if (first->flags & HYK_LANE_USED) hyi_accumulate_pixel(r, tile, unit, (size_t)tile_index * r->film.tile_pixels + p, first, judgement);
     }
-    for (uint32_t g = 0; g < HYI_GROUPS; g++)
-        if (!(tile->closed >> g & 1u)) tile->reported[g] += unit->samples;
-    tile->taken += unit->samples;
-    tile->chunks++;
-    if (r->schedule.weights && r->schedule.stage > 0 && unit->samples >= 4) {
-        for (uint32_t g = 0; g < HYI_GROUPS; g++) hyi_sum_add(&tile->statistic[g], judgement[g]);
-        tile->judged++;
-    }
+    hyi_count_unit(r, tile, unit, judgement);
     hyi_atomic_store(&tile->lock, 0);
 }
 
@@ -307,6 +316,19 @@ HYI_FN void hyi_work(void *argument, uint32_t worker) {
     }
 }
 
+/* To be called before the film's sums are read, or changed. */
+HYI_FN hydra_result hyi_sync_film(const hydra_render *r, bool to_change) {
+    return r->context->backend ? r->context->backend->sync_film(r, to_change) : HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_weigh(hydra_render *r) {
+    const double *luminance = NULL;
+    if (!hyi_lacks_weights(&r->schedule)) return HYDRA_OK;
+    if (r->context->backend) HYI_TRY(r->context->backend->measure_film(r, &luminance));
+    hyi_weigh_round(&r->schedule, &r->film, luminance);
+    return HYDRA_OK;
+}
+
 HYI_FN bool hyi_time_is_up(const hydra_render *r, double step_start) {
     return r->desc.time_budget > 0.0 && r->seconds + (hyi_seconds() - step_start) >= r->desc.time_budget;
 }
@@ -319,6 +341,7 @@ HYI_FN hydra_result hyi_render_run(hydra_render *r, double start) {
             r->done = true;
             return HYDRA_OK;
         }
+        HYI_TRY(hyi_weigh(r));
         if (r->context->backend) HYI_TRY(r->context->backend->work(r));
         else hyi_parallel(r->context, r->workers, hyi_work, r);
         if (hyi_atomic_load(&r->cancel)) {

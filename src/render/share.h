@@ -240,6 +240,7 @@ HYDRA_API hydra_result hydra_render_save(const hydra_render *render, void *buffe
     *size = need;
     if (!buffer) return HYDRA_OK;
     if (room < need) return hyi_fail(render->context, HYDRA_ERROR_BUFFER, "%zu bytes for a film of %zu", room, need);
+    HYI_TRY(hyi_sync_film(render, false));
     hyi_stream s;
     memset(&s, 0, sizeof s);
     s.out = (unsigned char *)buffer;
@@ -448,6 +449,7 @@ HYDRA_API hydra_result hydra_render_merge(hydra_render *render, const void *film
     if (!film) return hyi_fail(render->context, HYDRA_ERROR_NULL, "film");
     hyi_incoming in;
     HYI_TRY(hyi_open_film(render, film, size, &in));
+    HYI_TRY(hyi_sync_film(render, true));
     HYI_TRY(hyi_check_incoming(render, &in));
     bool fresh = hyi_render_is_fresh(render);
     uint32_t first = in.header.first_sample;

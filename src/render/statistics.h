@@ -166,12 +166,14 @@ HYI_FN double hyi_error_spread(const hyi_error_sums *s, double square) {
     return fmax(sqrt(variance) * s->cells / s->pixels, least);
 }
 
-/* The interval is for the real error of this picture: its square scatters about its mean as much as the estimate does. */
+/* The interval is for the real error of this picture: its square scatters about its mean as much as the estimate does.
+   A film that cannot be had leaves the last report as it was. */
 HYI_FN void hyi_make_report(hydra_render *r) {
     double start = hyi_seconds();
     hyi_error_sums sums;
+    if (hyi_sync_film(r, false) != HYDRA_OK) return;
     memset(&sums, 0, sizeof sums);
-    sums.brightness = hyi_brightness(&r->film);
+    sums.brightness = hyi_brightness(&r->film, NULL);
     hyi_each_block(&r->film, hyi_add_block_error, &sums);
     double square = sums.square / sums.pixels, reach = 1.96 * sqrt(2.0) * hyi_error_spread(&sums, square);
     r->report.error = sqrt(square);
@@ -248,6 +250,8 @@ HYDRA_API hydra_status hydra_render_status(hydra_render *render) {
     status.error = status.error_low = status.error_high = HUGE_VAL;
     if (status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0) {
         hyi_refresh_report(render);
+    }
+    if (status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0 && render->report.made_at >= 0.0) {
         status.error = render->report.error;
         status.error_low = render->report.low;
         status.error_high = render->report.high;

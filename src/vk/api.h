@@ -76,6 +76,14 @@ typedef struct hydra_vk_device_info {
     char lacks[128];       /* what it has not that hydra needs; "": nothing */
 } hydra_vk_device_info;
 
+/* Where samples are added up. The sums are exact, so both give the same film, to the bit. */
+typedef enum hydra_vk_film {
+    HYDRA_VK_FILM_AUTO,  /* on the device; on the host where the device is a processor, where a binding of the device is too
+                            small for the film, or where that would take more than a quarter of its memory or of memory_cap */
+    HYDRA_VK_FILM_HOST,  /* every sample comes back: 16 bytes, 112 where more than radiance is asked for */
+    HYDRA_VK_FILM_DEVICE /* where it does not fit, hydra_render_create fails */
+} hydra_vk_film;
+
 typedef struct hydra_vk_desc {
     /* Which device: all three must fit where they are given. */
     uint32_t device_number;           /* from 1, in the order of hydra_vk_list_devices; 0: any */
@@ -102,6 +110,7 @@ typedef struct hydra_vk_desc {
                                          instance the library makes; messages go to hydra_context_desc.log */
     double slice_seconds;             /* what a submission aims to take at most; default 0.03. From speeds seen so far, so
                                          some take longer; 8 samples of a tile, one scattering, is the least there can be */
+    hydra_vk_film film;
     size_t memory_cap;                /* bytes of device memory; default: none */
     /* What hydra_vk_save_pipelines gave, on whatever device: it is used where it fits. Read during the call. */
     const void *pipeline_cache;
@@ -141,6 +150,7 @@ typedef struct hydra_vk_info {
     uint32_t pipelines;              /* made so far: kernels times sets of requirements */
     double seconds_start;            /* loader, instance and device */
     double seconds_pipelines;        /* making them; part of hydra_render_create, and of the first ray query */
+    uint64_t bytes_read;             /* that the host has read of what the device made: counts, samples, films, hits */
     uint64_t submissions;            /* to the queue, in all */
     uint64_t slices;                 /* those that traced paths or cast rays */
     double slice_mean, slice_longest; /* seconds that slices took */

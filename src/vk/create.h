@@ -22,7 +22,7 @@ HYI_FN void hyi_vk_destroy(hydra_context *context) {
 
 HYI_FN const hyi_backend *hyi_vk_backend(void) {
     static const hyi_backend backend = { hyi_vk_destroy,      hyi_vk_commit, hyi_vk_forget_scene, hyi_vk_begin_render,
-                                         hyi_vk_end_render, hyi_vk_work,   hyi_vk_trace };
+                                         hyi_vk_end_render, hyi_vk_work,   hyi_vk_sync_film, hyi_vk_measure_film, hyi_vk_trace };
     return &backend;
 }
 
@@ -121,6 +121,7 @@ HYDRA_API hydra_result hydra_vk_get_info(const hydra_context *context, hydra_vk_
     info->pipelines = vk->pipeline_count;
     info->seconds_start = vk->seconds_start;
     info->seconds_pipelines = vk->seconds_pipelines;
+    info->bytes_read = vk->bytes_read;
     info->submissions = vk->submissions;
     info->slices = vk->slices;
     info->slice_mean = vk->slices ? vk->slice_total / (double)vk->slices : 0.0;
@@ -143,24 +144,59 @@ HYDRA_API hydra_result hydra_vk_save_pipelines(const hydra_context *context, voi
     return HYDRA_OK;
 }
 
-/* Rows of pixels in stage, tight, to rows of the caller's buffer. */
-HYI_FN hydra_result hyi_vk_copy_rows(hyi_vk *vk, const hyi_vk_buffer *stage, size_t row, uint32_t rows, VkBuffer to, VkDeviceSize offset, size_t stride) {
-    hyi_vk_commands c;
+/* Rows of pixels in a buffer of the caller's. */
+typedef struct hyi_vk_rows {
+    VkBuffer buffer;
+    VkDeviceSize offset, stride, row; /* row: bytes of one */
+    uint32_t count;
+} hyi_vk_rows;
+
+/* Ends commands with a copy of tight rows, and waits for it all. */
+HYI_FN hydra_result hyi_vk_copy_rows(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_buffer *from, const hyi_vk_rows *to) {
     double seconds;
+    bool tight = to->stride == to->row;
+    for (uint32_t y = 0; y < (tight ? 1u : to->count); y++) {
+        VkBufferCopy region = { y * to->row, to->offset + y * to->stride, tight ? to->count * to->row : to->row };
+        vk->f.CmdCopyBuffer(c->buffer, from->buffer, to->buffer, 1, &region);
+    }
+    hyi_vk_barrier(vk, c);
+    HYI_TRY(hyi_vk_submit(vk, c));
+    return hyi_vk_wait(vk, c, &seconds);
+}
+
+/* Pixels that the host makes. */
+HYI_FN hydra_result hyi_vk_write_read(hydra_render *render, hyi_vk *vk, hydra_output output, const hyi_vk_rows *to) {
+    hyi_vk_buffer stage;
+    hyi_vk_commands c;
+    memset(&stage, 0, sizeof stage);
     memset(&c, 0, sizeof c);
-    hydra_result result = hyi_vk_make_commands(vk, &c);
+    HYI_TRY(hyi_vk_make_buffer(vk, &stage, HYI_VK_UPLOAD, to->row * to->count, "pixels"));
+    hydra_result result = hydra_render_read(render, output, stage.mapped, 0);
+    if (result == HYDRA_OK) result = hyi_vk_make_commands(vk, &c);
     if (result == HYDRA_OK) result = hyi_vk_begin(vk, &c);
-    for (uint32_t y = 0; result == HYDRA_OK && y < rows; y++) {
-        VkBufferCopy region = { y * row, offset + y * stride, row };
-        vk->f.CmdCopyBuffer(c.buffer, stage->buffer, to, 1, &region);
-    }
-    if (result == HYDRA_OK) {
-        hyi_vk_barrier(vk, &c);
-        result = hyi_vk_submit(vk, &c);
-    }
-    if (result == HYDRA_OK) result = hyi_vk_wait(vk, &c, &seconds);
+    if (result == HYDRA_OK) result = hyi_vk_copy_rows(vk, &c, &stage, to);
     hyi_vk_free_commands(vk, &c);
+    hyi_vk_free_buffer(vk, &stage);
     return result;
+}
+
+/* Pixels that the device makes of its film. */
+HYI_FN hydra_result hyi_vk_write_resolved(hydra_render *render, hyi_vk_render *r, hydra_output output, const hyi_vk_rows *to) {
+    hyi_vk_commands *c = &r->film.commands;
+    hyi_vk_buffer out;
+    memset(&out, 0, sizeof out);
+    HYI_TRY(hyi_vk_make_buffer(r->vk, &out, HYI_VK_DEVICE, to->row * to->count, "pixels"));
+    uint32_t values = (render->film.right - render->film.left) * to->count;
+    hydra_result result = hyi_vk_record_resolve(render, r->vk, &r->film, &r->picture, (uint32_t)output, values, &out);
+    if (result == HYDRA_OK) result = hyi_vk_copy_rows(r->vk, c, &out, to);
+    hyi_vk_drain(r->vk, c);
+    hyi_vk_free_buffer(r->vk, &out);
+    return result;
+}
+
+/* Whether the device's film is what the output follows from. */
+HYI_FN bool hyi_vk_can_resolve(const hydra_render *render, const hyi_vk_render *r, hydra_output output) {
+    return r->film.here && !r->film.stale && hyi_vk_resolves(output) && hyi_output_is_there(render, output) && !hyi_atomic_load(&r->vk->lost);
 }
 
 HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output output, VkBuffer buffer, VkDeviceSize offset, size_t row_stride) {
@@ -173,13 +209,11 @@ HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output 
     uint32_t rows = film->bottom - film->top;
     if (!row) return hyi_vk_fail(vk, HYDRA_ERROR_ENUM, "hydra_vk_render_write: the output");
     if (stride < row || stride % 4 || offset % 4) return hyi_fail(render->context, HYDRA_ERROR_STRIDE, "offset %llu, rows of %zu bytes, %zu apart", (unsigned long long)offset, row, stride);
-    hyi_vk_buffer stage;
-    memset(&stage, 0, sizeof stage);
-    HYI_TRY(hyi_vk_make_buffer(vk, &stage, HYI_VK_UPLOAD, (VkDeviceSize)row * rows, "pixels"));
-    hydra_result result = hydra_render_read(render, output, stage.mapped, 0);
-    if (result == HYDRA_OK) result = hyi_vk_copy_rows(vk, &stage, row, rows, buffer, offset, stride);
-    hyi_vk_free_buffer(vk, &stage);
-    return result;
+    hyi_vk_rows to = { buffer, offset, stride, row, rows };
+    hyi_vk_render *r = (hyi_vk_render *)render->device;
+    if (!hyi_vk_can_resolve(render, r, output)) return hyi_vk_write_read(render, vk, output, &to);
+    HYI_TRY(hyi_vk_settle(r));
+    return hyi_vk_write_resolved(render, r, output, &to);
 }
 
 #endif /* HYI_VK_CREATE_H */

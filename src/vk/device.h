@@ -48,13 +48,14 @@ typedef struct hyi_vk {
     hyi_vk_lock shared, asking; /* the first guards the queue and all below; the second lets one thread at a time cast rays */
     hyi_vk_block *blocks;
     uint64_t bytes_now, bytes_peak;
-    VkDescriptorSetLayout scene_layout, pass_layout;
-    VkPipelineLayout layout;
+    VkDescriptorSetLayout scene_layout, pass_layout, film_set_layout;
+    VkPipelineLayout layout, film_layout;
     VkPipelineCache cache;
     hyi_vk_pipeline *pipelines;
     hyi_vk_asker *asker; /* made when first rays are cast */
     uint32_t pipeline_count;
     double seconds_start, seconds_pipelines, slice_total, slice_longest;
+    uint64_t bytes_read; /* by the host */
     uint64_t submissions, slices; /* slices: submissions of work, not of uploads */
     char name[VK_MAX_PHYSICAL_DEVICE_NAME_SIZE];
 } hyi_vk;

@@ -2,12 +2,12 @@
 
    A batch is one dispatch of first rays and then rounds of trace, shade and shadow passes, whose sizes the device knows
    (indirect dispatches) and the host learns once a submission. Two batches are on their way at a time, so that the device
-   works on one while the host adds up the other. Batches enter the film in the order in which they were taken: those that
-   an error or a cancel cuts off are then simply given back to the schedule. */
+   works on one while the host adds up the other, where it is the host that does (film.h). Batches enter the film in the
+   order in which they were taken: those that an error or a cancel cuts off are then simply given back to the schedule. */
 #ifndef HYI_VK_PASSES_H
 #define HYI_VK_PASSES_H
 
-#include "scene.h"
+#include "film.h"
 
 #define HYI_VK_BATCHES 2u
 #define HYI_VK_UNITS_MOST 4096u           /* of a batch: what vkCmdUpdateBuffer takes */
@@ -25,17 +25,24 @@ typedef struct hyi_vk_batch {
     hyi_vk_set set;
     hyi_vk_buffer buffers[HYK_PASS_BINDINGS]; /* PICTURE and SENSOR are the render's */
     hyi_vk_buffer told_counts, told_radiance, told_extras; /* what the host reads; the last two where it does not see the device's memory */
+    hyi_vk_set film_set;                                   /* these where the film is on the device */
+    hyi_vk_buffer chains, scatters, told_scatters;
+    hyk_film_unit *film_units;
     hyk_unit *units;
     uint32_t *tiles; /* of each unit */
     uint32_t unit_count;
     int64_t first_taken; /* of the schedule's round */
     bool traced, reading;
+    bool entering;       /* the device was told to add it to its film: no way back */
+    int64_t next_after;  /* of the schedule, when it has entered; where a wait for that failed */
     double seconds;      /* of its submissions so far */
     hyi_vk_phase phases[HYI_VK_MARKS_MOST]; /* phases[i] ends at mark i + 1 */
 } hyi_vk_batch;
 
 typedef struct hyi_vk_render {
     hyi_vk *vk;
+    hydra_render *render;
+    hyi_vk_film film;
     hyi_vk_buffer picture, sensor;
     hyi_vk_batch batches[HYI_VK_BATCHES];
     uint32_t pool_lanes, lanes_of_unit, units_most, units_now;
@@ -47,30 +54,6 @@ typedef struct hyi_vk_render {
 } hyi_vk_render;
 
 /* ---- creation */
-
-/* Copies into a buffer of the device. */
-HYI_FN hydra_result hyi_vk_send(hyi_vk *vk, hyi_vk_buffer *to, const void *from, size_t bytes) {
-    hyi_vk_buffer stage;
-    hyi_vk_commands commands;
-    double seconds;
-    if (bytes && to->mapped) memcpy(to->mapped, from, bytes);
-    if (!bytes || to->mapped) return HYDRA_OK;
-    memset(&stage, 0, sizeof stage);
-    memset(&commands, 0, sizeof commands);
-    hydra_result result = hyi_vk_make_buffer(vk, &stage, HYI_VK_UPLOAD, bytes, "an upload");
-    if (result == HYDRA_OK) result = hyi_vk_make_commands(vk, &commands);
-    if (result == HYDRA_OK) result = hyi_vk_begin(vk, &commands);
-    if (result == HYDRA_OK) {
-        memcpy(stage.mapped, from, bytes);
-        hyi_vk_copy(vk, &commands, &stage, to, bytes);
-        hyi_vk_barrier(vk, &commands);
-        result = hyi_vk_submit(vk, &commands);
-    }
-    if (result == HYDRA_OK) result = hyi_vk_wait(vk, &commands, &seconds);
-    hyi_vk_free_commands(vk, &commands);
-    hyi_vk_free_buffer(vk, &stage);
-    return result;
-}
 
 /* Positions and then normals, or rays. */
 HYI_FN hydra_result hyi_vk_send_sensor(hydra_render *render, hyi_vk_render *r) {
@@ -115,6 +98,25 @@ HYI_FN void hyi_vk_plan_pool(hydra_render *render, hyi_vk_render *r) {
     r->pool_lanes = r->units_most * r->lanes_of_unit;
 }
 
+HYI_FN hydra_result hyi_vk_make_batch_for_film(hyi_vk_render *r, hyi_vk_batch *b) {
+    hyi_vk *vk = r->vk;
+    hyi_vk_buffer bound[HYK_FILM_BINDINGS];
+    VkDeviceSize scatters = r->render->schedule.weights ? (VkDeviceSize)r->units_most * r->render->film.tile_pixels * sizeof(double) : 0;
+    HYI_TRY(hyi_alloc_array(vk->context, &b->film_units, r->units_most));
+    HYI_TRY(hyi_vk_make_buffer(vk, &b->chains, HYI_VK_DEVICE, r->units_most * sizeof *b->film_units, "units of the film"));
+    HYI_TRY(hyi_vk_make_buffer(vk, &b->scatters, HYI_VK_DEVICE, scatters, "scatter of samples"));
+    if (scatters && !b->scatters.mapped) HYI_TRY(hyi_vk_make_buffer(vk, &b->told_scatters, HYI_VK_READBACK, scatters, "scatter of samples"));
+    HYI_TRY(hyi_vk_make_set(vk, vk->film_set_layout, HYK_FILM_BINDINGS, 0, &b->film_set));
+    hyi_vk_bind_film(&r->film, &r->picture, bound);
+    bound[HYK_BINDING_FILM_UNITS] = b->buffers[HYK_BINDING_UNITS];
+    bound[HYK_BINDING_FILM_CHAINS] = b->chains;
+    bound[HYK_BINDING_FILM_RADIANCE] = b->buffers[HYK_BINDING_RADIANCE];
+    bound[HYK_BINDING_FILM_EXTRAS] = b->buffers[HYK_BINDING_EXTRAS];
+    bound[HYK_BINDING_FILM_OUT] = b->scatters;
+    hyi_vk_write_set(vk, &b->film_set, bound, HYK_FILM_BINDINGS);
+    return HYDRA_OK;
+}
+
 HYI_FN hydra_result hyi_vk_make_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     hyi_vk *vk = r->vk;
     hyi_vk_buffer bound[HYK_PASS_BINDINGS];
@@ -126,16 +128,16 @@ HYI_FN hydra_result hyi_vk_make_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     for (uint32_t i = HYK_BINDING_QUEUES; i < HYK_PASS_BINDINGS; i++)
         HYI_TRY(hyi_vk_make_buffer(vk, &b->buffers[i], HYI_VK_DEVICE, r->pool_lanes * hyi_vk_lane_bytes(i, r), "lanes"));
     HYI_TRY(hyi_vk_make_buffer(vk, &b->told_counts, HYI_VK_READBACK, sizeof(hyk_counts), "counts"));
-    if (!b->buffers[HYK_BINDING_RADIANCE].mapped)
+    if (!r->film.here && !b->buffers[HYK_BINDING_RADIANCE].mapped)
         HYI_TRY(hyi_vk_make_buffer(vk, &b->told_radiance, HYI_VK_READBACK, b->buffers[HYK_BINDING_RADIANCE].size, "lanes"));
-    if (!b->buffers[HYK_BINDING_EXTRAS].mapped)
+    if (!r->film.here && !b->buffers[HYK_BINDING_EXTRAS].mapped)
         HYI_TRY(hyi_vk_make_buffer(vk, &b->told_extras, HYI_VK_READBACK, b->buffers[HYK_BINDING_EXTRAS].size, "lanes"));
     HYI_TRY(hyi_vk_make_set(vk, vk->pass_layout, HYK_PASS_BINDINGS, 0, &b->set));
     memcpy(bound, b->buffers, sizeof bound);
     bound[HYK_BINDING_PICTURE] = r->picture;
     bound[HYK_BINDING_SENSOR] = r->sensor;
     hyi_vk_write_set(vk, &b->set, bound, HYK_PASS_BINDINGS);
-    return HYDRA_OK;
+    return r->film.here ? hyi_vk_make_batch_for_film(r, b) : HYDRA_OK;
 }
 
 /* What a picture asks of a kernel, without what makes no difference to that one, so that like pictures share it.
@@ -186,6 +188,10 @@ HYI_FN hydra_result hyi_vk_warm(hydra_render *render, hyi_vk_render *r) {
     const VkPipeline all[5] = { r->first, r->arguments, r->paths, r->shade, r->shadows };
     double start = hyi_seconds(), seconds;
     HYI_TRY(hyi_vk_begin(r->vk, c));
+    if (r->film.here) {
+        hyi_vk_record_accumulate(r->vk, &r->film, c, &r->batches[0].film_set, 0, r->lanes_of_unit, 0);
+        hyi_vk_barrier(r->vk, c);
+    }
     hyi_vk_bind(render, r, &r->batches[0]);
     for (int i = 0; i < 5; i++) {
         if (!all[i]) continue;
@@ -213,6 +219,7 @@ HYI_FN hydra_result hyi_vk_fill_render(hydra_render *render, hyi_vk_render *r) {
     HYI_TRY(hyi_vk_send_sensor(render, r));
     uint32_t pipelines = r->vk->pipeline_count;
     HYI_TRY(hyi_vk_choose_pipelines(render, r));
+    HYI_TRY(hyi_vk_make_film(render, r->vk, &r->film));
     for (uint32_t i = 0; i < HYI_VK_BATCHES; i++) HYI_TRY(hyi_vk_make_batch(r, &r->batches[i]));
     return r->vk->pipeline_count == pipelines ? HYDRA_OK : hyi_vk_warm(render, r);
 }
@@ -223,6 +230,11 @@ HYI_FN void hyi_vk_free_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     hyi_vk_free_buffer(r->vk, &b->told_counts);
     hyi_vk_free_buffer(r->vk, &b->told_radiance);
     hyi_vk_free_buffer(r->vk, &b->told_extras);
+    hyi_vk_free_set(r->vk, &b->film_set);
+    hyi_vk_free_buffer(r->vk, &b->chains);
+    hyi_vk_free_buffer(r->vk, &b->scatters);
+    hyi_vk_free_buffer(r->vk, &b->told_scatters);
+    hyi_free_array(r->vk->context, &b->film_units, r->units_most);
     hyi_vk_free_commands(r->vk, &b->commands);
     hyi_free_array(r->vk->context, &b->units, r->units_most);
     hyi_free_array(r->vk->context, &b->tiles, r->units_most);
@@ -232,6 +244,7 @@ HYI_FN void hyi_vk_end_render(hydra_render *render) {
     hyi_vk_render *r = (hyi_vk_render *)render->device;
     if (!r) return;
     for (uint32_t i = 0; i < HYI_VK_BATCHES; i++) hyi_vk_free_batch(r, &r->batches[i]);
+    hyi_vk_free_film(render, r->vk, &r->film);
     hyi_vk_free_buffer(r->vk, &r->picture);
     hyi_vk_free_buffer(r->vk, &r->sensor);
     hyi_free_array(render->context, &r, 1);
@@ -245,6 +258,7 @@ HYI_FN hydra_result hyi_vk_begin_render(hydra_render *render) {
     HYI_TRY(hyi_alloc_array(render->context, &r, 1));
     memset(r, 0, sizeof *r);
     r->vk = (hyi_vk *)render->context->device;
+    r->render = render;
     render->device = r;
     return hyi_vk_fill_render(render, r);
 }
@@ -352,7 +366,7 @@ HYI_FN bool hyi_vk_take_units(hydra_render *render, hyi_vk_render *r, hyi_vk_bat
 
 HYI_FN hydra_result hyi_vk_start_batch(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
     double lanes = (double)b->unit_count * r->lanes_of_unit;
-    b->traced = b->reading = false;
+    b->traced = b->reading = b->entering = false;
     b->seconds = 0.0;
     return hyi_vk_submit_rounds(render, r, b, true, hyi_vk_rounds_for(r, lanes));
 }
@@ -378,6 +392,7 @@ HYI_FN hydra_result hyi_vk_advance(hydra_render *render, hyi_vk_render *r, hyi_v
         return HYDRA_OK;
     }
     const hyk_counts *counts = (const hyk_counts *)b->told_counts.mapped;
+    hyi_vk_count_read(r->vk, sizeof *counts);
     hyi_vk_keep_times(render, r, b);
     b->seconds += seconds;
     if (counts->paths) return hyi_vk_submit_rounds(render, r, b, false, hyi_vk_rounds_for(r, counts->paths));
@@ -435,19 +450,117 @@ HYI_FN uint64_t hyi_vk_camera_rays(const hydra_render *render) {
     return rays;
 }
 
-HYI_FN void hyi_vk_add_batch(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+/* A batch is in the film; there were so many rays of cameras before it was. */
+HYI_FN void hyi_vk_end_batch(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b, uint64_t camera_rays) {
     const hyk_counts *counts = (const hyk_counts *)b->told_counts.mapped;
-    uint64_t before = hyi_vk_camera_rays(render);
+    hyi_counters *c = &render->batches[0].counters;
+    c->rays_bounce += counts->rays_path - (hyi_vk_camera_rays(render) - camera_rays);
+    c->rays_shadow += counts->rays_shadow;
+    b->unit_count = 0;
+    b->traced = b->entering = false;
+    hyi_vk_learn_speed(r, b);
+    hyi_vk_resize_batches(r);
+}
+
+HYI_FN void hyi_vk_add_batch(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+    uint64_t before = hyi_vk_camera_rays(render), lanes = (uint64_t)b->unit_count * r->lanes_of_unit;
     r->adding = b;
     hyi_atomic_store(&r->next_added, 0);
     hyi_parallel(render->context, render->workers, hyi_vk_add_units, render);
+    hyi_vk_count_read(r->vk, lanes * (sizeof(hyk_lane_radiance) + (r->has_extras ? sizeof(hyk_lane_extra) : 0)));
+    hyi_vk_end_batch(render, r, b, before);
+}
+
+/* ---- adding up on the device */
+
+HYI_FN bool hyi_vk_batch_is_judged(const hydra_render *render, const hyi_vk_batch *b) {
+    for (uint32_t i = 0; i < b->unit_count; i++)
+        if (hyi_unit_is_judged(render, &b->units[i])) return true;
+    return false;
+}
+
+HYI_FN hydra_result hyi_vk_submit_entering(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+    hyi_vk *vk = r->vk;
+    const hyi_film *film = &render->film;
+    HYI_TRY(hyi_vk_ready_film(render, vk, &r->film));
+    HYI_TRY(hyi_vk_begin(vk, &b->commands));
+    hyi_vk_link_units(render, &r->film, b->units, b->tiles, b->unit_count, b->film_units);
+    vk->f.CmdUpdateBuffer(b->commands.buffer, b->chains.buffer, 0, b->unit_count * sizeof *b->film_units, b->film_units);
+    hyi_vk_barrier(vk, &b->commands);
+    hyi_vk_mark(vk, &b->commands);
+    hyi_vk_record_accumulate(vk, &r->film, &b->commands, &b->film_set, b->unit_count, r->lanes_of_unit, film->tile_pixels);
+    hyi_vk_barrier(vk, &b->commands);
+    hyi_vk_mark(vk, &b->commands);
+    if (b->told_scatters.buffer && hyi_vk_batch_is_judged(render, b))
+        hyi_vk_copy(vk, &b->commands, &b->scatters, &b->told_scatters, (VkDeviceSize)b->unit_count * film->tile_pixels * sizeof(double));
+    hyi_vk_barrier_to_host(vk, &b->commands);
+    HYI_TRY(hyi_vk_submit(vk, &b->commands));
+    b->entering = r->film.ahead = true;
+    return HYDRA_OK;
+}
+
+HYI_FN void hyi_vk_count_units(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+    const hyi_film *film = &render->film;
+    const double *scatters = (const double *)(b->told_scatters.buffer ? b->told_scatters.mapped : b->scatters.mapped);
+    bool cameras = render->picture.kernel.camera.kind != HYK_SENSOR_POINTS;
     hyi_counters *c = &render->batches[0].counters;
-    c->rays_bounce += counts->rays_path - (hyi_vk_camera_rays(render) - before);
-    c->rays_shadow += counts->rays_shadow;
-    b->unit_count = 0;
-    b->traced = false;
-    hyi_vk_learn_speed(r, b);
-    hyi_vk_resize_batches(r);
+    for (uint32_t i = 0; i < b->unit_count; i++) {
+        bool judged = hyi_unit_is_judged(render, &b->units[i]);
+        if (cameras) c->rays_camera += (uint64_t)hyi_vk_pixels_inside(film, b->tiles[i]) * b->units[i].samples;
+        c->paths += (uint64_t)film->tile_pixels * b->units[i].samples;
+        hyi_vk_count_unit(render, b->tiles[i], &b->units[i], judged ? scatters + (size_t)i * film->tile_pixels : NULL);
+        if (judged) hyi_vk_count_read(r->vk, film->tile_pixels * sizeof(double));
+    }
+}
+
+/* A batch that the device was told to add is in its film. */
+HYI_FN hydra_result hyi_vk_finish_entering(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+    double seconds;
+    uint64_t before = hyi_vk_camera_rays(render);
+    HYI_TRY(hyi_vk_wait(r->vk, &b->commands, &seconds));
+    hyi_vk_count_units(render, r, b);
+    render->accumulate[0] += seconds;
+    hyi_vk_end_batch(render, r, b, before);
+    return HYDRA_OK;
+}
+
+/* Batches whose way into the film could not be waited for when last tried. */
+HYI_FN hydra_result hyi_vk_settle(hyi_vk_render *r) {
+    for (uint32_t i = 0; i < HYI_VK_BATCHES; i++) {
+        hyi_vk_batch *b = &r->batches[i];
+        if (!b->entering) continue;
+        HYI_TRY(hyi_vk_finish_entering(r->render, r, b));
+        hyi_atomic_store(&r->render->schedule.next, b->next_after);
+    }
+    return HYDRA_OK;
+}
+
+HYI_FN void hyi_vk_lose(hyi_vk_render *r) {
+    for (uint32_t i = 0; i < HYI_VK_BATCHES; i++)
+        if (r->batches[i].entering) r->batches[i].unit_count = 0, r->batches[i].entering = r->batches[i].traced = false;
+    hyi_vk_lose_film(r->render, &r->film);
+}
+
+/* NULL where the host's film is as good. */
+HYI_FN hydra_result hyi_vk_measure_film(hydra_render *render, const double **luminance) {
+    hyi_vk_render *r = (hyi_vk_render *)render->device;
+    *luminance = NULL;
+    HYI_TRY(hyi_vk_settle(r));
+    return r->film.ahead ? hyi_vk_fetch_luminance(render, r->vk, &r->film, &r->picture, luminance) : HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_vk_sync_film(const hydra_render *render, bool to_change) {
+    hyi_vk_render *r = (hyi_vk_render *)render->device;
+    if (!r->film.here) return HYDRA_OK;
+    hydra_result result = hyi_vk_check_lost(r->vk);
+    if (result == HYDRA_OK) result = hyi_vk_settle(r);
+    if (result == HYDRA_OK) result = hyi_vk_fetch_film(r->render, r->vk, &r->film);
+    if (result == HYDRA_ERROR_DEVICE_LOST) {
+        hyi_vk_lose(r);
+        result = HYDRA_OK; /* what is there is the host's */
+    }
+    if (result == HYDRA_OK && to_change) r->film.stale = true, r->film.blank = false;
+    return result;
 }
 
 /* ---- the backend's work */
@@ -457,6 +570,11 @@ HYI_FN void hyi_vk_give_back(hydra_render *render, hyi_vk_render *r, uint32_t ol
     double seconds;
     for (uint32_t i = HYI_VK_BATCHES; i-- > 0;) {
         hyi_vk_batch *b = &r->batches[(oldest + i) % HYI_VK_BATCHES];
+        if (b->entering) {
+            b->next_after = hyi_atomic_load(&render->schedule.next);
+            if (hyi_vk_finish_entering(render, r, b) != HYDRA_OK) hyi_atomic_store(&render->schedule.next, b->first_taken); /* for now: hyi_vk_settle */
+            continue;
+        }
         if (b->commands.in_flight) (void)hyi_vk_wait(r->vk, &b->commands, &seconds);
         if (b->unit_count) hyi_atomic_store(&render->schedule.next, b->first_taken);
         b->unit_count = 0;
@@ -465,14 +583,17 @@ HYI_FN void hyi_vk_give_back(hydra_render *render, hyi_vk_render *r, uint32_t ol
 }
 
 /* Every batch that is on its way goes on by a submission; those that are done enter the film in order. *oldest: the first
-   of them. */
+   of them. The device is told to add one up, and waited for when the others have gone on. */
 HYI_FN hydra_result hyi_vk_advance_all(hydra_render *render, hyi_vk_render *r, uint32_t *oldest) {
     for (uint32_t i = 0; i < HYI_VK_BATCHES; i++) {
         hyi_vk_batch *b = &r->batches[(*oldest + i) % HYI_VK_BATCHES];
         if (b->unit_count && !b->traced) HYI_TRY(hyi_vk_advance(render, r, b));
     }
     while (r->batches[*oldest].unit_count && r->batches[*oldest].traced) {
-        hyi_vk_add_batch(render, r, &r->batches[*oldest]);
+        hyi_vk_batch *b = &r->batches[*oldest];
+        if (r->film.here && !b->entering) return hyi_vk_submit_entering(render, r, b);
+        if (r->film.here) HYI_TRY(hyi_vk_finish_entering(render, r, b));
+        else hyi_vk_add_batch(render, r, b);
         *oldest = (*oldest + 1) % HYI_VK_BATCHES;
     }
     return HYDRA_OK;
@@ -490,13 +611,15 @@ HYI_FN hydra_result hyi_vk_start_idle(hydra_render *render, hyi_vk_render *r, ui
 
 HYI_FN hydra_result hyi_vk_work(hydra_render *render) {
     hyi_vk_render *r = (hyi_vk_render *)render->device;
-    hydra_result result = hyi_vk_start_idle(render, r, 0); /* progress even when a step is shorter than a batch */
+    hydra_result result = hyi_vk_settle(r);
+    if (result == HYDRA_OK) result = hyi_vk_start_idle(render, r, 0); /* progress even when a step is shorter than a batch */
     uint32_t oldest = 0;
     while (result == HYDRA_OK && r->batches[oldest].unit_count && !hyi_atomic_load(&render->cancel)) {
         result = hyi_vk_advance_all(render, r, &oldest);
         if (result == HYDRA_OK && !hyi_must_stop(render)) result = hyi_vk_start_idle(render, r, oldest);
     }
     hyi_vk_give_back(render, r, oldest);
+    if (result == HYDRA_ERROR_DEVICE_LOST) hyi_vk_lose(r);
     return result;
 }
 

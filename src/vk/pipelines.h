@@ -4,6 +4,7 @@
 #ifndef HYI_VK_PIPELINES_H
 #define HYI_VK_PIPELINES_H
 
+#include "../../shaders/shared/film.h"
 #include "memory.h"
 #include "spirv.h"
 
@@ -50,21 +51,30 @@ HYI_FN hydra_result hyi_vk_make_set_layout(hyi_vk *vk, uint32_t storage, uint32_
     return HYDRA_OK;
 }
 
-HYI_FN hydra_result hyi_vk_make_layouts(hyi_vk *vk) {
-    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_SCENE_BINDINGS, HYI_VK_TEXEL_BUFFERS, &vk->scene_layout));
-    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_PASS_BINDINGS, 0, &vk->pass_layout));
-    VkDescriptorSetLayout sets[2] = { vk->scene_layout, vk->pass_layout };
-    VkPushConstantRange push = { VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(hyk_dispatch) };
+HYI_FN hydra_result hyi_vk_make_layout(hyi_vk *vk, const VkDescriptorSetLayout *sets, uint32_t set_count, uint32_t push_bytes, VkPipelineLayout *layout) {
+    VkPushConstantRange push = { VK_SHADER_STAGE_COMPUTE_BIT, 0, push_bytes };
     VkPipelineLayoutCreateInfo info;
     memset(&info, 0, sizeof info);
     info.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-    info.setLayoutCount = 2;
+    info.setLayoutCount = set_count;
     info.pSetLayouts = sets;
     info.pushConstantRangeCount = 1;
     info.pPushConstantRanges = &push;
-    HYI_VK_MAKE(vk, "vkCreatePipelineLayout", CreatePipelineLayout(vk->device, &info, vk->desc.allocation, &vk->layout), vk->layout);
+    HYI_VK_MAKE(vk, "vkCreatePipelineLayout", CreatePipelineLayout(vk->device, &info, vk->desc.allocation, layout), *layout);
     return HYDRA_OK;
 }
+
+/* Kernels over films have sets of their own, so that no stage needs the storage buffers of both. */
+HYI_FN hydra_result hyi_vk_make_layouts(hyi_vk *vk) {
+    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_SCENE_BINDINGS, HYI_VK_TEXEL_BUFFERS, &vk->scene_layout));
+    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_PASS_BINDINGS, 0, &vk->pass_layout));
+    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_FILM_BINDINGS, 0, &vk->film_set_layout));
+    VkDescriptorSetLayout sets[2] = { vk->scene_layout, vk->pass_layout };
+    HYI_TRY(hyi_vk_make_layout(vk, sets, 2, sizeof(hyk_dispatch), &vk->layout));
+    return hyi_vk_make_layout(vk, &vk->film_set_layout, 1, sizeof(hyk_film_call), &vk->film_layout);
+}
+
+HYI_FN bool hyi_vk_kernel_is_of_films(hyi_vk_kernel kernel) { return kernel == HYI_VK_KERNEL_accumulate || kernel == HYI_VK_KERNEL_resolve; }
 
 /* A cache that does not fit the device is the driver's to refuse: an empty one then. */
 HYI_FN hydra_result hyi_vk_make_cache(hyi_vk *vk) {
@@ -178,7 +188,7 @@ HYI_FN hydra_result hyi_vk_build_pipeline(hyi_vk *vk, hyi_vk_pipeline *p) {
     info.stage.module = module;
     info.stage.pName = "main";
     info.stage.pSpecializationInfo = &constants;
-    info.layout = vk->layout;
+    info.layout = hyi_vk_kernel_is_of_films(p->kernel) ? vk->film_layout : vk->layout;
     VkResult result = vk->f.CreateComputePipelines(vk->device, vk->cache, 1, &info, vk->desc.allocation, &p->pipeline);
     vk->f.DestroyShaderModule(vk->device, module, vk->desc.allocation);
     return hyi_vk_result(vk, result, "vkCreateComputePipelines");
@@ -226,6 +236,8 @@ HYI_FN void hyi_vk_free_pipelines(hyi_vk *vk) {
     vk->pipelines = NULL;
     if (vk->cache) vk->f.DestroyPipelineCache(vk->device, vk->cache, vk->desc.allocation);
     if (vk->layout) vk->f.DestroyPipelineLayout(vk->device, vk->layout, vk->desc.allocation);
+    if (vk->film_layout) vk->f.DestroyPipelineLayout(vk->device, vk->film_layout, vk->desc.allocation);
+    if (vk->film_set_layout) vk->f.DestroyDescriptorSetLayout(vk->device, vk->film_set_layout, vk->desc.allocation);
     if (vk->pass_layout) vk->f.DestroyDescriptorSetLayout(vk->device, vk->pass_layout, vk->desc.allocation);
     if (vk->scene_layout) vk->f.DestroyDescriptorSetLayout(vk->device, vk->scene_layout, vk->desc.allocation);
 }

@@ -116,6 +116,7 @@ HYI_FN hydra_result hyi_vk_ask(hyi_vk *vk, const hydra_scene *scene, VkPipeline 
     HYI_TRY(hyi_vk_wait(vk, &a->commands, &seconds));
     hyi_vk_count_slice(vk, seconds);
     hyi_vk_get_answers(a, hits, occluded, count);
+    hyi_vk_count_read(vk, count * (hits ? sizeof *hits : sizeof(uint32_t)));
     hyi_vk_learn_slice(vk, a, count, seconds);
     return HYDRA_OK;
 }

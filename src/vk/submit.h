@@ -162,4 +162,42 @@ HYI_FN hydra_result hyi_vk_wait(hyi_vk *vk, hyi_vk_commands *c, double *seconds)
     return HYDRA_OK;
 }
 
+/* Before what it uses goes: a wait for it may have failed. */
+HYI_FN void hyi_vk_drain(hyi_vk *vk, hyi_vk_commands *c) {
+    if (c->in_flight) (void)vk->f.WaitForFences(vk->device, 1, &c->fence, VK_TRUE, UINT64_MAX);
+}
+
+/* ---- what moves between host and device */
+
+/* Copies into a buffer of the device. */
+HYI_FN hydra_result hyi_vk_send(hyi_vk *vk, hyi_vk_buffer *to, const void *from, size_t bytes) {
+    hyi_vk_buffer stage;
+    hyi_vk_commands commands;
+    double seconds;
+    if (bytes && to->mapped) memcpy(to->mapped, from, bytes);
+    if (!bytes || to->mapped) return HYDRA_OK;
+    memset(&stage, 0, sizeof stage);
+    memset(&commands, 0, sizeof commands);
+    hydra_result result = hyi_vk_make_buffer(vk, &stage, HYI_VK_UPLOAD, bytes, "an upload");
+    if (result == HYDRA_OK) result = hyi_vk_make_commands(vk, &commands);
+    if (result == HYDRA_OK) result = hyi_vk_begin(vk, &commands);
+    if (result == HYDRA_OK) {
+        memcpy(stage.mapped, from, bytes);
+        hyi_vk_copy(vk, &commands, &stage, to, bytes);
+        hyi_vk_barrier(vk, &commands);
+        result = hyi_vk_submit(vk, &commands);
+    }
+    if (result == HYDRA_OK) result = hyi_vk_wait(vk, &commands, &seconds);
+    hyi_vk_free_commands(vk, &commands);
+    hyi_vk_free_buffer(vk, &stage);
+    return result;
+}
+
+/* The host has taken bytes of what the device made. */
+HYI_FN void hyi_vk_count_read(hyi_vk *vk, uint64_t bytes) {
+    hyi_vk_acquire(&vk->shared);
+    vk->bytes_read += bytes;
+    hyi_vk_release(&vk->shared);
+}
+
 #endif /* HYI_VK_SUBMIT_H */
