@@ -1,5 +1,5 @@
 /* Prefix sums, compaction and sorting on the device, against what they are said to be. The host never tells a count but
-   in a buffer; every word after it must stay as it was. */
+   in a buffer; every word after it must stay as it was. And what a device's films add up with, against the host's. */
 #define HYDRA_STATIC
 #define HYDRA_IMPLEMENTATION
 #include "hydra.h"
@@ -429,6 +429,66 @@ static void test_what_does_not_fit_is_refused(void **state) {
     hyi_vk_free_sort(t->vk, &sort);
 }
 
+/* ---- sums in words of 32 bits, as devices make films: the same bytes as those of the host */
+
+static uint32_t bits_of(float x) {
+    uint32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+
+/* Any bits at all; numbers of one size; or what is at the edges: zeros, denormals, the largest, infinities, no numbers. */
+static float any_float(ht_rng *rng, uint32_t trial) {
+    const uint32_t edges[12] = {0, 0x80000000u, 1, 0x80000001u, 0x7fffffu, 0x800000u, 0x7f7fffffu, 0xff7fffffu, 0x7f800000u, 0xff800000u, 0x3f800000u, 0x7fc12345u};
+    uint32_t bits = ht_u32(rng);
+    float x;
+    if (trial % 3 == 1) bits = (bits & 0x807fffffu) | (100u + trial % 100u + ht_below(rng, 8)) << 23;
+    if (trial % 3 == 2) bits = edges[ht_below(rng, trial % 2 ? 8 : 12)];
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+static void test_sums_of_three(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(1);
+    assert_int_equal(sizeof(hyk_sum3), sizeof(hyi_sum3));
+    for (uint32_t trial = 0; trial < 3000; trial++) {
+        hyk_sum3 ours;
+        hyi_sum3 theirs;
+        memset(&ours, 0, sizeof ours);
+        memset(&theirs, 0, sizeof theirs);
+        for (int i = 0; i < 60; i++) {
+            const float terms[3] = {any_float(&rng, trial), any_float(&rng, trial), any_float(&rng, trial)};
+            ours = hyk_add_floats3(ours, bits_of(terms[0]), bits_of(terms[1]), bits_of(terms[2]));
+            hyi_sum3_add(&theirs, terms);
+            assert_memory_equal(&ours, &theirs, sizeof ours);
+        }
+    }
+}
+
+static void test_sums_of_squares(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(2);
+    for (uint32_t trial = 0; trial < 3000; trial++) {
+        hyk_lanes ours;
+        hyi_sum theirs;
+        uint32_t top = 0;
+        memset(&ours, 0, sizeof ours);
+        memset(&theirs, 0, sizeof theirs);
+        for (int i = 0; i < 60; i++) {
+            float x = any_float(&rng, trial);
+            hyk_digits digits = hyk_digits_of_square(bits_of(x));
+            uint32_t higher = hyk_higher(top, digits.top);
+            if ((bits_of(x) & 0x7fffffffu) > 0x7f800000u) continue; /* the sign of no number is the machine's */
+            ours = hyk_add_digits(hyk_raise_lanes(ours, top, higher), higher, digits);
+            top = higher;
+            hyi_sum_add(&theirs, (double)x * (double)x);
+            assert_memory_equal(&ours, &theirs.lanes, sizeof ours);
+            assert_int_equal((int)top, theirs.top);
+        }
+    }
+}
+
 int hydra_test_vk_primitives(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sums_of_random_words_wrap),
@@ -445,6 +505,8 @@ int hydra_test_vk_primitives(void) {
         cmocka_unit_test(test_one_object_many_times),
         cmocka_unit_test(test_every_element_is_in_one_part),
         cmocka_unit_test(test_what_does_not_fit_is_refused),
+        cmocka_unit_test(test_sums_of_three),
+        cmocka_unit_test(test_sums_of_squares),
     };
     return cmocka_run_group_tests_name("vk_primitives", tests, open_bench, close_bench);
 }

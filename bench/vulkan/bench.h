@@ -72,6 +72,7 @@ void bench_latency(const options *o, const sides *s, const char *program);
 int latency_child(int argc, char **argv);
 void bench_rays(const options *o, sides *s);
 void bench_paths(const options *o, sides *s);
+void bench_films(const options *o, const sides *s);
 
 /* Scenes with lights (pictures.c). */
 void make_box(hydra_scene *scene, const void *unused);

@@ -3,7 +3,7 @@
        make bench-vulkan                     some minutes             QUICK=1 make bench-vulkan      under 45 seconds
        build/bench/vulkan [options] [files.obj]                       once the driver has compiled the shaders
 
-       --only rays,paths,latency       --triangles 260k (of the generated scenes)       --reps 5
+       --only rays,paths,latency,films       --triangles 260k (of the generated scenes)       --reps 5
        --width 512 (primary rays: width^2)                              --side 256 (pictures: side^2 pixels)
 
    Sides are the scalar traversal and the best instruction set, each with one thread, two and all, and every device that
@@ -101,5 +101,6 @@ int main(int argc, char **argv) {
     if (wanted(&o, "latency")) bench_latency(&o, &s, argv[0]);
     if (wanted(&o, "rays")) bench_rays(&o, &s);
     if (wanted(&o, "paths")) bench_paths(&o, &s);
+    if (wanted(&o, "films")) bench_films(&o, &s);
     return 0;
 }

@@ -19,8 +19,9 @@ WHAT IT DOES
   Paths are traced and rays are cast on the device, by compute shaders whose SPIR-V is in this file. Any
   Vulkan 1.2 device will do that has what REQUIREMENTS lists; no ray tracing extension is used, no shader
   compiler, and nothing is linked: the loader is opened at run time. Mesa's lavapipe, which is a processor, will do.
-  Scenes are committed on the processor, and the film is kept there: every sample's result comes back and is added up
-  exactly, so films can be saved, merged and resumed as ever, and adaptive tiles, budgets and error bars are the same.
+  Scenes are committed on the processor. Samples are added up on the device (hydra_vk_desc.film), by the same exact sums, so
+  films can be saved, merged and resumed as ever, and adaptive tiles, budgets and error bars are the same. With a fixed count
+  of samples only counters come back, until somebody reads: hydra_vk_render_write fills a buffer of the device without that.
 
 WHAT IT DOES NOT
   It draws nothing on a screen, and uses no hardware ray tracing units. A picture is made by one device.
@@ -35,6 +36,8 @@ EQUALITY
   whose double division rounds correctly, as lavapipe's does. Shading is in float: divisions, powers and the order of sums
   differ in the last bits. So pictures of one seed differ by some millionths and, where a last bit decides a path's turn
   (most often in surfaces that blend by alpha), by a sample. Means agree within their error bars; tests hold both to that.
+  A film on the device has the bits that the host would have made of the same samples, where the device does not flush small
+  floats to 0 (below 1e-36 it may) and the host's compiler does not contract products and sums.
   A device gives the same bits every time, and with any number of threads, tiles, steps and shares, as long as neither
   device nor driver change.
 
@@ -138,10 +141,12 @@ HYDRA_API hydra_result hydra_vk_create(const hydra_context_desc *desc, const hyd
    HYDRA_ERROR_DEVICE_LIMIT   a scene's or render's buffer is larger than the device can bind; the message has both numbers
    HYDRA_ERROR_DEVICE_MEMORY  the device's memory, or hydra_vk_desc.memory_cap, is used up
    HYDRA_ERROR_DEVICE_LOST    the driver gave the device up. The context, and every call that needs the device, will go on
-                              saying so; what was rendered can still be read and saved, scenes are intact. Destroy it and
-                              make another
+                              saying so; scenes are intact, and what was rendered can still be read and saved. Where the film
+                              was on the device, that is what it held when the host last had all of it: at the last
+                              hydra_render_read, _save, _merge or, once it tells errors, _status. Destroy it and make another
    After the first two the context is as usable as before. Ray queries give these codes too, and HYDRA_ERROR_OUT_OF_MEMORY
-   where the host's allocator refuses; they write no text. */
+   where the host's allocator refuses; they write no text. Where the film is on the device, hydra_render_read, _save and
+   _merge may give them as well, and leave the film as it was; a status then has the errors of the one before. */
 
 typedef struct hydra_vk_info {
     char name[VK_MAX_PHYSICAL_DEVICE_NAME_SIZE];
@@ -167,7 +172,9 @@ HYDRA_API hydra_result hydra_vk_save_pipelines(const hydra_context *context, voi
 
 /* As hydra_render_read, into a buffer of the caller's device: the pixels are copied by the device, and the call returns
    when they are there. offset and row_stride are multiples of 4 (row_stride 0: tight); usage TRANSFER_DST. The caller
-   synchronises his own uses of the buffer before and after. */
+   synchronises his own uses of the buffer before and after. Where the film is on the device, it makes the pixels: the same
+   bits where its double division rounds correctly. Not HYDRA_ERROR and HYDRA_VALIDITY, for which a pixel's neighbours are
+   asked, nor any output between hydra_render_merge and the next step: those the host makes, as it does for films of its own. */
 HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output output, VkBuffer buffer, VkDeviceSize offset, size_t row_stride);
 
 #ifdef __cplusplus

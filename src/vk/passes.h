@@ -218,8 +218,8 @@ HYI_FN hydra_result hyi_vk_fill_render(hydra_render *render, hyi_vk_render *r) {
     HYI_TRY(hyi_vk_send(r->vk, &r->picture, &render->picture.kernel, sizeof(hyk_picture)));
     HYI_TRY(hyi_vk_send_sensor(render, r));
     uint32_t pipelines = r->vk->pipeline_count;
-    HYI_TRY(hyi_vk_choose_pipelines(render, r));
     HYI_TRY(hyi_vk_make_film(render, r->vk, &r->film));
+    HYI_TRY(hyi_vk_choose_pipelines(render, r));
     for (uint32_t i = 0; i < HYI_VK_BATCHES; i++) HYI_TRY(hyi_vk_make_batch(r, &r->batches[i]));
     return r->vk->pipeline_count == pipelines ? HYDRA_OK : hyi_vk_warm(render, r);
 }
