@@ -232,7 +232,7 @@ vkt_spy vkt_spied;
 static bool spy_fails(const char *name) {
     if (vkt_spied.fail_name && strcmp(vkt_spied.fail_name, name) != 0) return false;
     uint64_t call = ++vkt_spied.calls;
-    if (!vkt_spied.fail_at || !(call == vkt_spied.fail_at || (vkt_spied.fail_after && call > vkt_spied.fail_at))) return false;
+    if (!vkt_spied.fail_at || !(call == vkt_spied.fail_at || (call > vkt_spied.fail_at && (vkt_spied.fail_after || call <= vkt_spied.fail_at + vkt_spied.fail_more)))) return false;
     vkt_spied.failed = name;
     return true;
 }

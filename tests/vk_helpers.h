@@ -91,10 +91,11 @@ typedef struct vkt_pretence {
 
 typedef struct vkt_spy {
     /* The fail_at-th call (from 1) of fail_name, or of any function that can fail, gives fail_result; with fail_after all
-       later ones too. What it would have made is then a handle that is none, as Vulkan allows. 0: none. */
+       later ones too, or fail_more of them. What it would have made is then a handle that is none, as Vulkan allows. 0: none. */
     const char *fail_name;
     uint64_t fail_at;
     bool fail_after;
+    uint64_t fail_more;
     VkResult fail_result;
     uint64_t calls;           /* of those */
     const char *failed;       /* name of the last that failed */
