@@ -49,8 +49,11 @@ HYK_FN hyk_uint hyk_float_exponent(hyk_uint bits) { return (bits >> 23) & 0xffu;
 HYK_FN hyk_uint hyk_float_mantissa(hyk_uint bits) { return (bits & 0x7fffffu) | (hyk_float_exponent(bits) != 0u ? 0x800000u : 0u); }
 HYK_FN hyk_uint hyk_float_place(hyk_uint bits) { return hyk_float_exponent(bits) != 0u ? hyk_float_exponent(bits) : 1u; }
 
-/* What an infinity, or what is not a number, has in double: sums take it as that. */
-HYK_FN hyk_digits hyk_digits_of_no_number(hyk_uint bits, hyk_uint sign) { return hyk_place_digits((bits & 0x7fffffu) << 9, 1u, 67u << 5, sign); }
+/* What an infinity, or what is not a number and then quiet, has in double: sums take it as that. */
+HYK_FN hyk_digits hyk_digits_of_no_number(hyk_uint bits, hyk_uint sign) {
+    hyk_uint mantissa = bits & 0x7fffffu, quiet = mantissa != 0u ? 0x400000u : 0u;
+    return hyk_place_digits((mantissa | quiet) << 9, 1u, 67u << 5, sign);
+}
 
 HYK_FN hyk_digits hyk_digits_of(hyk_uint bits) {
     hyk_uint sign = (bits >> 31) != 0u ? 0xffffffffu : 0u;
