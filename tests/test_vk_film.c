@@ -482,12 +482,12 @@ static void test_failures(void **state) {
         fail_creation(context, scene);
         go_through(&h, scene, &truth, 0, NULL, 0); /* all pipelines are made */
         uint64_t n = 0;
-        do go_through(&h, scene, &truth, n += way ? 3 : 1, NULL, 0); /* every one where there are more */
+        do go_through(&h, scene, &truth, n += way ? 5 : 1, NULL, 0); /* every one where there are more */
         while (vkt_spied.failed && n < 2000);
         assert_true(n > 50 && n < 2000);
         n = way ? 0 : 2000; /* while nothing is staged: of what is, the second wait is the last */
         while (n < 2000) {
-            go_through(&h, scene, &truth, ++n, "vkWaitForFences", 0);
+            go_through(&h, scene, &truth, n += 2, "vkWaitForFences", 0);
             if (!vkt_spied.failed) break;
         }
         int64_t m = 0;
@@ -537,7 +537,7 @@ static void test_lost(void **state) {
     picture p = small_picture();
     p.desc.step_seconds = 1e-9;
     hydra_scene *scene = make_scene(contexts[HOST], p.of);
-    for (uint64_t way = 0; way < 5; way++) {
+    for (uint64_t way = 1; way < 4; way++) {
         size_t size = sizeof film;
         lose(&p, way, film, &size);
         hydra_render *render = make_render(scene, p);
