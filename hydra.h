@@ -1332,7 +1332,7 @@ HYI_FN void hyi_parallel(const hydra_context *context, uint32_t count, hyi_task 
 /* >>base-backend: what a context offers that computes elsewhere than on its threads
 
    Scenes, films, schedules and error bars are the host's; a backend is told when a scene was committed, traces rays, and
-   takes units of a render's round and hands their lanes to hyi_accumulate. */
+   takes units of a render's round and hands their lanes to hyi_accumulate, or adds them up in a film of its own. */
 #ifndef HYI_BACKEND_H
 #define HYI_BACKEND_H
 
@@ -1350,6 +1350,11 @@ typedef struct hyi_backend {
     void (*end_render)(hydra_render *render);
     /* Takes units of the round until it is empty or time is up; all that were taken are finished on return. */
     hydra_result (*work)(hydra_render *render);
+    /* Brings the film of the render up to date, of which samples may be elsewhere. to_change: the caller then changes it. */
+    hydra_result (*sync_film)(const hydra_render *render, bool to_change);
+    /* The mean luminance of each of the film's pixels, good until the next call for that render; *luminance NULL: the host's
+       film tells it. */
+    hydra_result (*measure_film)(hydra_render *render, const double **luminance);
     /* hits, or else occluded; light shapes included. HYDRA_ERROR_RAY: some were not sound; they meet nothing. */
     hydra_result (*trace)(const hydra_scene *scene, const hydra_ray *rays, struct hyk_hit *hits, uint8_t *occluded, uint32_t count);
 } hyi_backend;
@@ -9180,6 +9185,15 @@ typedef struct hyi_swarm {
     bool any;
 } hyi_swarm;
 
+/* The eight words of rays by their numbers: rows of one word of all. */
+HYI_INLINE void hyi_ray_words(const hyk_ray *rays, const uint32_t *numbers, float words[8][HYI_PACKET_WIDTH], uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        float ray[8];
+        memcpy(ray, &rays[numbers[i]], sizeof ray);
+        for (uint32_t word = 0; word < 8u; word++) words[word][i] = ray[word];
+    }
+}
+
 /* Sixteen words of each of some rays, from rows of one word of all, to a line of each, one flight apart. */
 HYI_INLINE void hyi_lines(const void *const rows[16], char *lines, uint32_t rays) {
     for (uint32_t i = 0; i < rays; i++)
@@ -9618,6 +9632,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_RAY_WORDS
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -9743,6 +9758,23 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
     }
 }
 
+/* hyi_ray_words: two times, two rays to a register, and two transpositions of four by four in two steps. */
+HYI_INLINE HYI_AVX2 void hyi_ray_words_avx2(const hyk_ray *rays, const uint32_t *numbers, float words[8][HYI_PACKET_WIDTH]) {
+    for (uint32_t half = 0; half < 2u; half++) {
+        __m256 a[4];
+        for (uint32_t k = 0; k < 4u; k++) {
+            a[k] = _mm256_castps128_ps256(_mm_loadu_ps((const float *)(const void *)&rays[numbers[k]] + 4u * half));
+            a[k] = _mm256_insertf128_ps(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 4u]] + 4u * half), 1);
+        }
+        __m256 low01 = _mm256_unpacklo_ps(a[0], a[1]), high01 = _mm256_unpackhi_ps(a[0], a[1]);
+        __m256 low23 = _mm256_unpacklo_ps(a[2], a[3]), high23 = _mm256_unpackhi_ps(a[2], a[3]);
+        _mm256_storeu_ps(words[4u * half], _mm256_shuffle_ps(low01, low23, 0x44));
+        _mm256_storeu_ps(words[4u * half + 1u], _mm256_shuffle_ps(low01, low23, 0xee));
+        _mm256_storeu_ps(words[4u * half + 2u], _mm256_shuffle_ps(high01, high23, 0x44));
+        _mm256_storeu_ps(words[4u * half + 3u], _mm256_shuffle_ps(high01, high23, 0xee));
+    }
+}
+
 /* hyi_lines: two transpositions of eight by eight, in three steps each. */
 HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines) {
     for (int side = 0; side < 2; side++) {
@@ -9791,6 +9823,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_BITS8(m) ((uint32_t)_mm256_movemask_ps(m))
 #define HYI_MIN8_WHERE(a, m, b) _mm256_blendv_ps(a, _mm256_min_ps(a, b), m)
 #define HYI_PIN8(a) hyi_pin8_avx2(a)
+#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words_avx2(rays, numbers, words)
 #define HYI_LINES(rows, lines) hyi_lines_avx2(rows, lines)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
@@ -10352,19 +10385,16 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
    or of uncommon size. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
                                                 float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    float d[3][HYI_PACKET_WIDTH], scale = bvh->scale;
+    float d[3][HYI_PACKET_WIDTH], words[8][HYI_PACKET_WIDTH];
     uint32_t axis[3];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyk_ray ray = hyi_load_ray(&rays[numbers[i]]);
-        o[0][i] = ray.origin.x * scale;
-        o[1][i] = ray.origin.y * scale;
-        o[2][i] = ray.origin.z * scale;
-        d[0][i] = ray.direction.x * scale;
-        d[1][i] = ray.direction.y * scale;
-        d[2][i] = ray.direction.z * scale;
-        packet->t_min[i] = ray.t_min;
-        packet->best_t[i] = ray.t_max;
+    HYI_RAY_WORDS(rays, numbers, words);
+    HYI_FW scale = HYI_SETW(bvh->scale);
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_STOREW(o[a], HYI_MULW(HYI_LOADW(words[a]), scale));
+        HYI_STOREW(d[a], HYI_MULW(HYI_LOADW(words[4u + a]), scale));
     }
+    HYI_STOREW(packet->t_min, HYI_LOADW(words[3]));
+    HYI_STOREW(packet->best_t, HYI_LOADW(words[7]));
     if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
     HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
     bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
@@ -10838,6 +10868,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_RAY_WORDS
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -10907,6 +10938,25 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
     }
 }
 
+/* hyi_ray_words: two times, four rays to a register, and four transpositions of four by four in two steps. */
+HYI_INLINE HYI_AVX512 void hyi_ray_words_avx512(const hyk_ray *rays, const uint32_t *numbers, float words[8][HYI_PACKET_WIDTH]) {
+    for (uint32_t half = 0; half < 2u; half++) {
+        __m512 a[4];
+        for (uint32_t k = 0; k < 4u; k++) {
+            a[k] = _mm512_castps128_ps512(_mm_loadu_ps((const float *)(const void *)&rays[numbers[k]] + 4u * half));
+            a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 4u]] + 4u * half), 1);
+            a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 8u]] + 4u * half), 2);
+            a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 12u]] + 4u * half), 3);
+        }
+        __m512d low01 = _mm512_castps_pd(_mm512_unpacklo_ps(a[0], a[1])), high01 = _mm512_castps_pd(_mm512_unpackhi_ps(a[0], a[1]));
+        __m512d low23 = _mm512_castps_pd(_mm512_unpacklo_ps(a[2], a[3])), high23 = _mm512_castps_pd(_mm512_unpackhi_ps(a[2], a[3]));
+        _mm512_storeu_ps(words[4u * half], _mm512_castpd_ps(_mm512_unpacklo_pd(low01, low23)));
+        _mm512_storeu_ps(words[4u * half + 1u], _mm512_castpd_ps(_mm512_unpackhi_pd(low01, low23)));
+        _mm512_storeu_ps(words[4u * half + 2u], _mm512_castpd_ps(_mm512_unpacklo_pd(high01, high23)));
+        _mm512_storeu_ps(words[4u * half + 3u], _mm512_castpd_ps(_mm512_unpackhi_pd(high01, high23)));
+    }
+}
+
 /* hyi_lines: a transposition in four steps. */
 HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *lines) {
     __m512 a[16], b[16];
@@ -10936,6 +10986,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 }
 
 #define HYI_TARGET HYI_AVX512
+#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words_avx512(rays, numbers, words)
 #define HYI_LINES(rows, lines) hyi_lines_avx512(rows, lines)
 #define HYI_I(name) name##_avx512
 #define HYI_F8 __m256
@@ -11520,19 +11571,16 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
    or of uncommon size. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
                                                 float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    float d[3][HYI_PACKET_WIDTH], scale = bvh->scale;
+    float d[3][HYI_PACKET_WIDTH], words[8][HYI_PACKET_WIDTH];
     uint32_t axis[3];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyk_ray ray = hyi_load_ray(&rays[numbers[i]]);
-        o[0][i] = ray.origin.x * scale;
-        o[1][i] = ray.origin.y * scale;
-        o[2][i] = ray.origin.z * scale;
-        d[0][i] = ray.direction.x * scale;
-        d[1][i] = ray.direction.y * scale;
-        d[2][i] = ray.direction.z * scale;
-        packet->t_min[i] = ray.t_min;
-        packet->best_t[i] = ray.t_max;
+    HYI_RAY_WORDS(rays, numbers, words);
+    HYI_FW scale = HYI_SETW(bvh->scale);
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_STOREW(o[a], HYI_MULW(HYI_LOADW(words[a]), scale));
+        HYI_STOREW(d[a], HYI_MULW(HYI_LOADW(words[4u + a]), scale));
     }
+    HYI_STOREW(packet->t_min, HYI_LOADW(words[3]));
+    HYI_STOREW(packet->best_t, HYI_LOADW(words[7]));
     if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
     HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
     bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
@@ -12006,6 +12054,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_RAY_WORDS
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -12260,6 +12309,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
 #define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
+#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words(rays, numbers, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
@@ -12820,19 +12870,16 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
    or of uncommon size. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
                                                 float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    float d[3][HYI_PACKET_WIDTH], scale = bvh->scale;
+    float d[3][HYI_PACKET_WIDTH], words[8][HYI_PACKET_WIDTH];
     uint32_t axis[3];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyk_ray ray = hyi_load_ray(&rays[numbers[i]]);
-        o[0][i] = ray.origin.x * scale;
-        o[1][i] = ray.origin.y * scale;
-        o[2][i] = ray.origin.z * scale;
-        d[0][i] = ray.direction.x * scale;
-        d[1][i] = ray.direction.y * scale;
-        d[2][i] = ray.direction.z * scale;
-        packet->t_min[i] = ray.t_min;
-        packet->best_t[i] = ray.t_max;
+    HYI_RAY_WORDS(rays, numbers, words);
+    HYI_FW scale = HYI_SETW(bvh->scale);
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_STOREW(o[a], HYI_MULW(HYI_LOADW(words[a]), scale));
+        HYI_STOREW(d[a], HYI_MULW(HYI_LOADW(words[4u + a]), scale));
     }
+    HYI_STOREW(packet->t_min, HYI_LOADW(words[3]));
+    HYI_STOREW(packet->best_t, HYI_LOADW(words[7]));
     if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
     HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
     bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
@@ -13306,6 +13353,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_RAY_WORDS
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -13557,6 +13605,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
 #define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
+#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words(rays, numbers, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
@@ -14117,19 +14166,16 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
    or of uncommon size. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
                                                 float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    float d[3][HYI_PACKET_WIDTH], scale = bvh->scale;
+    float d[3][HYI_PACKET_WIDTH], words[8][HYI_PACKET_WIDTH];
     uint32_t axis[3];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyk_ray ray = hyi_load_ray(&rays[numbers[i]]);
-        o[0][i] = ray.origin.x * scale;
-        o[1][i] = ray.origin.y * scale;
-        o[2][i] = ray.origin.z * scale;
-        d[0][i] = ray.direction.x * scale;
-        d[1][i] = ray.direction.y * scale;
-        d[2][i] = ray.direction.z * scale;
-        packet->t_min[i] = ray.t_min;
-        packet->best_t[i] = ray.t_max;
+    HYI_RAY_WORDS(rays, numbers, words);
+    HYI_FW scale = HYI_SETW(bvh->scale);
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_STOREW(o[a], HYI_MULW(HYI_LOADW(words[a]), scale));
+        HYI_STOREW(d[a], HYI_MULW(HYI_LOADW(words[4u + a]), scale));
     }
+    HYI_STOREW(packet->t_min, HYI_LOADW(words[3]));
+    HYI_STOREW(packet->best_t, HYI_LOADW(words[7]));
     if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
     HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
     bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
@@ -14603,6 +14649,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_RAY_WORDS
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -18795,6 +18842,12 @@ HYI_FN uint32_t hyi_stage_target(const hyi_schedule *schedule) {
 
 /* ---- what a chunk says about the error */
 
+/* From the sum of squared differences from the mean. */
+HYI_FN double hyi_variance_of(double scatter, uint32_t samples) {
+    double variance = scatter / (double)(samples - 1);
+    return variance > 0.0 ? variance : 0.0;
+}
+
 /* Sample variance of one pixel within a chunk, from both halves; each is a net of its own. */
 HYI_FN double hyi_chunk_variance(const float *luminance, uint32_t samples) {
     double sum = 0.0, squares = 0.0;
@@ -18802,8 +18855,7 @@ HYI_FN double hyi_chunk_variance(const float *luminance, uint32_t samples) {
         sum += (double)luminance[s];
         squares += (double)luminance[s] * (double)luminance[s];
     }
-    double variance = (squares - sum * sum / (double)samples) / (double)(samples - 1);
-    return variance > 0.0 ? variance : 0.0;
+    return hyi_variance_of(squares - sum * sum / (double)samples, samples);
 }
 
 /* ---- verdicts */
@@ -18859,16 +18911,21 @@ HYI_FN double hyi_stored_luminance(const hyi_film *film, size_t index) {
     return hyi_wide_luminance(mean);
 }
 
+/* luminance: of each pixel, where that is known from elsewhere, or NULL. */
+HYI_FN double hyi_known_luminance(const hyi_film *film, const double *luminance, size_t index) {
+    return luminance ? luminance[index] : hyi_stored_luminance(film, index);
+}
+
 /* Pixels beyond the region hold zeros and add nothing. */
-HYI_FN double hyi_brightness(const hyi_film *film) {
+HYI_FN double hyi_brightness(const hyi_film *film, const double *luminance) {
     double sum = 0.0;
-    for (size_t i = 0; i < hyi_film_pixel_count(film); i++) sum += hyi_stored_luminance(film, i);
+    for (size_t i = 0; i < hyi_film_pixel_count(film); i++) sum += hyi_known_luminance(film, luminance, i);
     return sum / ((double)(film->right - film->left) * (double)(film->bottom - film->top));
 }
 
-HYI_FN void hyi_weigh_tile(hyi_schedule *schedule, const hyi_film *film, size_t tile) {
+HYI_FN void hyi_weigh_tile(hyi_schedule *schedule, const hyi_film *film, const double *luminance, size_t tile) {
     for (size_t i = tile * film->tile_pixels; i < (tile + 1) * film->tile_pixels; i++) {
-        double scale = fmax(hyi_stored_luminance(film, i), HYI_DARK_SHARE * schedule->brightness);
+        double scale = fmax(hyi_known_luminance(film, luminance, i), HYI_DARK_SHARE * schedule->brightness);
         schedule->weights[i] = scale > 0.0 ? (float)(1.0 / scale) : 0.0f;
     }
 }
@@ -18893,20 +18950,23 @@ HYI_FN bool hyi_all_tiles_done(const hyi_schedule *schedule, const hyi_film *fil
     return true;
 }
 
-/* Lists the next round, moving on through the stages that owe nothing; false when every tile is done. Weights are of the
-   film as the stage found it: a render that is saved in mid-stage keeps them. */
+/* Lists the next round, moving on through the stages that owe nothing; false when every tile is done. */
 HYI_FN bool hyi_next_round(hyi_schedule *schedule, hyi_film *film) {
     for (hyi_list_round(schedule, film); !schedule->active_count; hyi_list_round(schedule, film)) {
         if (schedule->target > 0.0f) hyi_judge_tiles(schedule, film);
         if (hyi_all_tiles_done(schedule, film)) return false;
         schedule->stage++;
     }
-    if (schedule->target > 0.0f && schedule->weighed_stage != schedule->stage) {
-        schedule->brightness = hyi_brightness(film);
-        for (uint32_t i = 0; i < schedule->active_count; i++) hyi_weigh_tile(schedule, film, schedule->active[i]);
-        schedule->weighed_stage = schedule->stage;
-    }
     return true;
+}
+
+HYI_FN bool hyi_lacks_weights(const hyi_schedule *schedule) { return schedule->target > 0.0f && schedule->weighed_stage != schedule->stage; }
+
+/* Weights are of the film as the stage found it: a render that is saved in mid-stage keeps them. */
+HYI_FN void hyi_weigh_round(hyi_schedule *schedule, const hyi_film *film, const double *luminance) {
+    schedule->brightness = hyi_brightness(film, luminance);
+    for (uint32_t i = 0; i < schedule->active_count; i++) hyi_weigh_tile(schedule, film, luminance, schedule->active[i]);
+    schedule->weighed_stage = schedule->stage;
 }
 
 #endif /* HYI_ADAPTIVE_H */
@@ -19309,6 +19369,11 @@ HYI_FN hyk_unit hyi_describe_unit(const hydra_render *r, uint32_t tile, uint32_t
     return unit;
 }
 
+/* Whether its samples are evidence for the verdict on their tile. */
+HYI_FN bool hyi_unit_is_judged(const hydra_render *r, const hyk_unit *unit) {
+    return r->schedule.weights && r->schedule.stage > 0 && unit->samples >= 4;
+}
+
 HYI_FN void hyi_keep_ids(hydra_render *r, size_t index, const hyi_lane *lane) {
     hyi_ids *ids = &r->film.ids[index];
     if (lane->instance >= HYK_HIT_SHAPE) return;
@@ -19329,6 +19394,17 @@ HYI_FN void hyi_accumulate_pixel(hydra_render *r, const hyi_tile *tile, const hy
     judgement[group] += weight * weight * hyi_chunk_variance(luminance, unit->samples);
 }
 
+/* A tile has got a chunk. judgement: by group, the weighted variance of its pixels. */
+HYI_FN void hyi_count_unit(const hydra_render *r, hyi_tile *tile, const hyk_unit *unit, const double judgement[HYI_GROUPS]) {
+    for (uint32_t g = 0; g < HYI_GROUPS; g++)
+        if (!(tile->closed >> g & 1u)) tile->reported[g] += unit->samples;
+    tile->taken += unit->samples;
+    tile->chunks++;
+    if (!hyi_unit_is_judged(r, unit)) return;
+    for (uint32_t g = 0; g < HYI_GROUPS; g++) hyi_sum_add(&tile->statistic[g], judgement[g]);
+    tile->judged++;
+}
+
 /* The order in which chunks arrive does not matter: every sum is exact. */
 HYI_FN void hyi_accumulate(hydra_render *r, uint32_t tile_index, const hyk_unit *unit, hyi_lane *lanes) {
     hyi_tile *tile = &r->film.tiles[tile_index];
@@ -19338,14 +19414,7 @@ HYI_FN void hyi_accumulate(hydra_render *r, uint32_t tile_index, const hyk_unit 
         hyi_lane *first = &lanes[p * unit->samples];
         if (first->flags & HYK_LANE_USED) hyi_accumulate_pixel(r, tile, unit, (size_t)tile_index * r->film.tile_pixels + p, first, judgement);
     }
-    for (uint32_t g = 0; g < HYI_GROUPS; g++)
-        if (!(tile->closed >> g & 1u)) tile->reported[g] += unit->samples;
-    tile->taken += unit->samples;
-    tile->chunks++;
-    if (r->schedule.weights && r->schedule.stage > 0 && unit->samples >= 4) {
-        for (uint32_t g = 0; g < HYI_GROUPS; g++) hyi_sum_add(&tile->statistic[g], judgement[g]);
-        tile->judged++;
-    }
+    hyi_count_unit(r, tile, unit, judgement);
     hyi_atomic_store(&tile->lock, 0);
 }
 
@@ -19379,6 +19448,19 @@ HYI_FN void hyi_work(void *argument, uint32_t worker) {
     }
 }
 
+/* To be called before the film's sums are read, or changed. */
+HYI_FN hydra_result hyi_sync_film(const hydra_render *r, bool to_change) {
+    return r->context->backend ? r->context->backend->sync_film(r, to_change) : HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_weigh(hydra_render *r) {
+    const double *luminance = NULL;
+    if (!hyi_lacks_weights(&r->schedule)) return HYDRA_OK;
+    if (r->context->backend) HYI_TRY(r->context->backend->measure_film(r, &luminance));
+    hyi_weigh_round(&r->schedule, &r->film, luminance);
+    return HYDRA_OK;
+}
+
 HYI_FN bool hyi_time_is_up(const hydra_render *r, double step_start) {
     return r->desc.time_budget > 0.0 && r->seconds + (hyi_seconds() - step_start) >= r->desc.time_budget;
 }
@@ -19391,6 +19473,7 @@ HYI_FN hydra_result hyi_render_run(hydra_render *r, double start) {
             r->done = true;
             return HYDRA_OK;
         }
+        HYI_TRY(hyi_weigh(r));
         if (r->context->backend) HYI_TRY(r->context->backend->work(r));
         else hyi_parallel(r->context, r->workers, hyi_work, r);
         if (hyi_atomic_load(&r->cancel)) {
@@ -19588,12 +19671,14 @@ HYI_FN double hyi_error_spread(const hyi_error_sums *s, double square) {
     return fmax(sqrt(variance) * s->cells / s->pixels, least);
 }
 
-/* The interval is for the real error of this picture: its square scatters about its mean as much as the estimate does. */
+/* The interval is for the real error of this picture: its square scatters about its mean as much as the estimate does.
+   A film that cannot be had leaves the last report as it was. */
 HYI_FN void hyi_make_report(hydra_render *r) {
     double start = hyi_seconds();
     hyi_error_sums sums;
+    if (hyi_sync_film(r, false) != HYDRA_OK) return;
     memset(&sums, 0, sizeof sums);
-    sums.brightness = hyi_brightness(&r->film);
+    sums.brightness = hyi_brightness(&r->film, NULL);
     hyi_each_block(&r->film, hyi_add_block_error, &sums);
     double square = sums.square / sums.pixels, reach = 1.96 * sqrt(2.0) * hyi_error_spread(&sums, square);
     r->report.error = sqrt(square);
@@ -19670,6 +19755,8 @@ HYDRA_API hydra_status hydra_render_status(hydra_render *render) {
     status.error = status.error_low = status.error_high = HUGE_VAL;
     if (status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0) {
         hyi_refresh_report(render);
+    }
+    if (status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0 && render->report.made_at >= 0.0) {
         status.error = render->report.error;
         status.error_low = render->report.low;
         status.error_high = render->report.high;
@@ -19815,6 +19902,7 @@ HYDRA_API hydra_result hydra_render_read(hydra_render *render, hydra_output outp
     if (!hyi_output_is_there(render, output)) return hyi_fail(render->context, HYDRA_ERROR_OUTPUT, "output %d", (int)output);
     if (row_stride && row_stride < row) return hyi_fail(render->context, HYDRA_ERROR_STRIDE, "row_stride is %zu, a row has %zu bytes", row_stride, row);
     size_t stride = row_stride ? row_stride : row;
+    HYI_TRY(hyi_sync_film(render, false));
     if (output == HYDRA_ERROR) {
         hyi_error_reader reader = { render, (char *)pixels, stride };
         hyi_each_block(film, hyi_read_block_errors, &reader);
@@ -20068,6 +20156,7 @@ HYDRA_API hydra_result hydra_render_save(const hydra_render *render, void *buffe
     *size = need;
     if (!buffer) return HYDRA_OK;
     if (room < need) return hyi_fail(render->context, HYDRA_ERROR_BUFFER, "%zu bytes for a film of %zu", room, need);
+    HYI_TRY(hyi_sync_film(render, false));
     hyi_stream s;
     memset(&s, 0, sizeof s);
     s.out = (unsigned char *)buffer;
@@ -20276,6 +20365,7 @@ HYDRA_API hydra_result hydra_render_merge(hydra_render *render, const void *film
     if (!film) return hyi_fail(render->context, HYDRA_ERROR_NULL, "film");
     hyi_incoming in;
     HYI_TRY(hyi_open_film(render, film, size, &in));
+    HYI_TRY(hyi_sync_film(render, true));
     HYI_TRY(hyi_check_incoming(render, &in));
     bool fresh = hyi_render_is_fresh(render);
     uint32_t first = in.header.first_sample;

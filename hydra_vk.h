@@ -21,8 +21,9 @@ WHAT IT DOES
   Paths are traced and rays are cast on the device, by compute shaders whose SPIR-V is in this file. Any
   Vulkan 1.2 device will do that has what REQUIREMENTS lists; no ray tracing extension is used, no shader
   compiler, and nothing is linked: the loader is opened at run time. Mesa's lavapipe, which is a processor, will do.
-  Scenes are committed on the processor, and the film is kept there: every sample's result comes back and is added up
-  exactly, so films can be saved, merged and resumed as ever, and adaptive tiles, budgets and error bars are the same.
+  Scenes are committed on the processor. Samples are added up on the device (hydra_vk_desc.film), by the same exact sums, so
+  films can be saved, merged and resumed as ever, and adaptive tiles, budgets and error bars are the same. With a fixed count
+  of samples only counters come back, until somebody reads: hydra_vk_render_write fills a buffer of the device without that.
 
 WHAT IT DOES NOT
   It draws nothing on a screen, and uses no hardware ray tracing units. A picture is made by one device.
@@ -37,6 +38,8 @@ EQUALITY
   whose double division rounds correctly, as lavapipe's does. Shading is in float: divisions, powers and the order of sums
   differ in the last bits. So pictures of one seed differ by some millionths and, where a last bit decides a path's turn
   (most often in surfaces that blend by alpha), by a sample. Means agree within their error bars; tests hold both to that.
+  A film on the device has the bits that the host would have made of the same samples, where the device does not flush small
+  floats to 0 (below 1e-36 it may) and the host's compiler does not contract products and sums.
   A device gives the same bits every time, and with any number of threads, tiles, steps and shares, as long as neither
   device nor driver change.
 
@@ -78,6 +81,14 @@ typedef struct hydra_vk_device_info {
     char lacks[128];       /* what it has not that hydra needs; "": nothing */
 } hydra_vk_device_info;
 
+/* Where samples are added up. The sums are exact, so both give the same film, to the bit. */
+typedef enum hydra_vk_film {
+    HYDRA_VK_FILM_AUTO,  /* on the device; on the host where the device is a processor, where a binding of the device is too
+                            small for the film, or where that would take more than a quarter of its memory or of memory_cap */
+    HYDRA_VK_FILM_HOST,  /* every sample comes back: 16 bytes, 112 where more than radiance is asked for */
+    HYDRA_VK_FILM_DEVICE /* where it does not fit, hydra_render_create fails */
+} hydra_vk_film;
+
 typedef struct hydra_vk_desc {
     /* Which device: all three must fit where they are given. */
     uint32_t device_number;           /* from 1, in the order of hydra_vk_list_devices; 0: any */
@@ -104,6 +115,7 @@ typedef struct hydra_vk_desc {
                                          instance the library makes; messages go to hydra_context_desc.log */
     double slice_seconds;             /* what a submission aims to take at most; default 0.03. From speeds seen so far, so
                                          some take longer; 8 samples of a tile, one scattering, is the least there can be */
+    hydra_vk_film film;
     size_t memory_cap;                /* bytes of device memory; default: none */
     /* What hydra_vk_save_pipelines gave, on whatever device: it is used where it fits. Read during the call. */
     const void *pipeline_cache;
@@ -131,10 +143,12 @@ HYDRA_API hydra_result hydra_vk_create(const hydra_context_desc *desc, const hyd
    HYDRA_ERROR_DEVICE_LIMIT   a scene's or render's buffer is larger than the device can bind; the message has both numbers
    HYDRA_ERROR_DEVICE_MEMORY  the device's memory, or hydra_vk_desc.memory_cap, is used up
    HYDRA_ERROR_DEVICE_LOST    the driver gave the device up. The context, and every call that needs the device, will go on
-                              saying so; what was rendered can still be read and saved, scenes are intact. Destroy it and
-                              make another
+                              saying so; scenes are intact, and what was rendered can still be read and saved. Where the film
+                              was on the device, that is what it held when the host last had all of it: at the last
+                              hydra_render_read, _save, _merge or, once it tells errors, _status. Destroy it and make another
    After the first two the context is as usable as before. Ray queries give these codes too, and HYDRA_ERROR_OUT_OF_MEMORY
-   where the host's allocator refuses; they write no text. */
+   where the host's allocator refuses; they write no text. Where the film is on the device, hydra_render_read, _save and
+   _merge may give them as well, and leave the film as it was; a status then has the errors of the one before. */
 
 typedef struct hydra_vk_info {
     char name[VK_MAX_PHYSICAL_DEVICE_NAME_SIZE];
@@ -143,6 +157,7 @@ typedef struct hydra_vk_info {
     uint32_t pipelines;              /* made so far: kernels times sets of requirements */
     double seconds_start;            /* loader, instance and device */
     double seconds_pipelines;        /* making them; part of hydra_render_create, and of the first ray query */
+    uint64_t bytes_read;             /* that the host has read of what the device made: counts, samples, films, hits */
     uint64_t submissions;            /* to the queue, in all */
     uint64_t slices;                 /* those that traced paths or cast rays */
     double slice_mean, slice_longest; /* seconds that slices took */
@@ -159,7 +174,9 @@ HYDRA_API hydra_result hydra_vk_save_pipelines(const hydra_context *context, voi
 
 /* As hydra_render_read, into a buffer of the caller's device: the pixels are copied by the device, and the call returns
    when they are there. offset and row_stride are multiples of 4 (row_stride 0: tight); usage TRANSFER_DST. The caller
-   synchronises his own uses of the buffer before and after. */
+   synchronises his own uses of the buffer before and after. Where the film is on the device, it makes the pixels: the same
+   bits where its double division rounds correctly. Not HYDRA_ERROR and HYDRA_VALIDITY, for which a pixel's neighbours are
+   asked, nor any output between hydra_render_merge and the next step: those the host makes, as it does for films of its own. */
 HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output output, VkBuffer buffer, VkDeviceSize offset, size_t row_stride);
 
 #ifdef __cplusplus
@@ -181,6 +198,8 @@ HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output 
 
      >>shared-tree              the compressed eight-wide nodes that devices walk
      >>shared-scan              how prefix sums, compaction and sorting of a device's arrays are divided among workgroups
+     >>shared-sums              exact sums in words of 32 bits
+     >>shared-film              a film on a device: the records of render/film.h, and what the passes over it are told
      >>vk-functions             Vulkan's loader opened at run time, and the functions that are used
      >>vk-device                finding a device that will do, and making it ready
      >>vk-memory                buffers, in few large blocks of device memory
@@ -190,6 +209,7 @@ HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output 
      >>vk-primitives            prefix sums, compaction and sorting of arrays on the device
      >>vk-tree                  trees of the processor turned into those of a device (shared/tree.h)
      >>vk-scene                 a committed scene on the device
+     >>vk-film                  a render's film on the device
      >>vk-passes                batches of units on the device, from their first rays to the film
      >>vk-queries               rays of the caller, cast on the device
      >>vk-create                device contexts, and the calls that only they have
@@ -325,6 +345,244 @@ HYK_FN hyk_scan_plan hyk_plan_scan(hyk_uint count, hyk_uint capacity) {
 }
 
 #endif /* HYK_SCAN_H */
+
+/* >>shared-sums: exact sums in words of 32 bits
+
+   The sums of render/exact_sum.h, to the bit, where there are no integers of 64 bits: a term is cut into digits of 32 bits
+   on a grid of exponents, each lane adds its digits as integers of 64 bits in two words, and the two topmost lanes that any
+   term reached are kept. Terms come as the bits of floats, so that no arithmetic of a device touches them. */
+#ifndef HYK_SUMS_H
+#define HYK_SUMS_H
+
+/* Two integers, the less significant word of each first. */
+HYK_STRUCT(hyk_lanes) {
+    hyk_uint high0, high1, low0, low1;
+} HYK_END(hyk_lanes)
+HYK_SIZE_IS(hyk_lanes, 16)
+
+/* Three sums under one top; an empty sum has top 0. */
+HYK_STRUCT(hyk_sum3) {
+    hyk_lanes lanes[3];
+    hyk_uint top, unused;
+} HYK_END(hyk_sum3)
+HYK_SIZE_IS(hyk_sum3, 56)
+
+/* Lane l has the weight 2^(32 l - bias). */
+#define HYK_LANE_BIAS 1152u
+
+/* A term's digits, of lanes first, first + 1 and first + 2. */
+HYK_STRUCT(hyk_digits) {
+    hyk_uint digit0, digit1, digit2;
+    hyk_uint first, top; /* top: lane of the highest digit that is not 0; 0 for the number 0 */
+    hyk_uint sign;       /* all bits set: the number is negative */
+} HYK_END(hyk_digits)
+
+/* (high 2^32 + low) 2^(place - bias). */
+HYK_FN hyk_digits hyk_place_digits(hyk_uint low, hyk_uint high, hyk_uint place, hyk_uint sign) {
+    hyk_digits d;
+    hyk_uint shift = place & 31u, back = (32u - shift) & 31u;
+    d.first = place >> 5;
+    d.digit0 = low << shift;
+    d.digit1 = (high << shift) | (shift != 0u ? low >> back : 0u);
+    d.digit2 = shift != 0u ? high >> back : 0u;
+    d.top = d.digit2 != 0u ? d.first + 2u : d.digit1 != 0u ? d.first + 1u : d.digit0 != 0u ? d.first : 0u;
+    d.sign = sign;
+    return d;
+}
+
+HYK_FN hyk_uint hyk_float_exponent(hyk_uint bits) { return (bits >> 23) & 0xffu; }
+/* A denormal number is counted from the smallest exponent. */
+HYK_FN hyk_uint hyk_float_mantissa(hyk_uint bits) { return (bits & 0x7fffffu) | (hyk_float_exponent(bits) != 0u ? 0x800000u : 0u); }
+HYK_FN hyk_uint hyk_float_place(hyk_uint bits) { return hyk_float_exponent(bits) != 0u ? hyk_float_exponent(bits) : 1u; }
+
+/* What an infinity, or what is not a number and then quiet, has in double: sums take it as that. */
+HYK_FN hyk_digits hyk_digits_of_no_number(hyk_uint bits, hyk_uint sign) {
+    hyk_uint mantissa = bits & 0x7fffffu, quiet = mantissa != 0u ? 0x400000u : 0u;
+    return hyk_place_digits((mantissa | quiet) << 9, 1u, 67u << 5, sign);
+}
+
+HYK_FN hyk_digits hyk_digits_of(hyk_uint bits) {
+    hyk_uint sign = (bits >> 31) != 0u ? 0xffffffffu : 0u;
+    if (hyk_float_exponent(bits) == 0xffu) return hyk_digits_of_no_number(bits, sign);
+    return hyk_place_digits(hyk_float_mantissa(bits), 0u, hyk_float_place(bits) + (HYK_LANE_BIAS - 150u), sign);
+}
+
+/* Those of the square, which has 48 bits: of three products of 12 bits each. */
+HYK_FN hyk_digits hyk_digits_of_square(hyk_uint bits) {
+    if (hyk_float_exponent(bits) == 0xffu) return hyk_digits_of_no_number(bits, 0u);
+    hyk_uint m = hyk_float_mantissa(bits), upper = m >> 12, lower = m & 0xfffu, cross = 2u * upper * lower;
+    hyk_uint first = lower * lower, second = first + (cross << 12), low = second + ((upper * upper) << 24);
+    hyk_uint high = (cross >> 20) + ((upper * upper) >> 8) + (second < first ? 1u : 0u) + (low < second ? 1u : 0u);
+    return hyk_place_digits(low, high, 2u * hyk_float_place(bits) + (HYK_LANE_BIAS - 300u), 0u);
+}
+
+/* Moves lanes to a higher top. */
+HYK_FN hyk_lanes hyk_raise_lanes(hyk_lanes lanes, hyk_uint from, hyk_uint to) {
+    if (to == from) return lanes;
+    lanes.low0 = to == from + 1u ? lanes.high0 : 0u;
+    lanes.low1 = to == from + 1u ? lanes.high1 : 0u;
+    lanes.high0 = 0u;
+    lanes.high1 = 0u;
+    return lanes;
+}
+
+HYK_FN hyk_uint hyk_digit_of_lane(hyk_digits d, hyk_uint lane) {
+    hyk_uint i = lane - d.first;
+    return i == 0u ? d.digit0 : i == 1u ? d.digit1 : i == 2u ? d.digit2 : 0u;
+}
+
+/* Adds to lanes whose top is already at least the term's. */
+HYK_FN hyk_lanes hyk_add_digits(hyk_lanes lanes, hyk_uint top, hyk_digits d) {
+    hyk_uint high = hyk_digit_of_lane(d, top), low = hyk_digit_of_lane(d, top - 1u);
+    hyk_uint high0 = (high ^ d.sign) - d.sign, low0 = (low ^ d.sign) - d.sign; /* in two's complement */
+    lanes.high0 += high0;
+    lanes.high1 += (high != 0u ? d.sign : 0u) + (lanes.high0 < high0 ? 1u : 0u);
+    lanes.low0 += low0;
+    lanes.low1 += (low != 0u ? d.sign : 0u) + (lanes.low0 < low0 ? 1u : 0u);
+    return lanes;
+}
+
+HYK_FN hyk_uint hyk_higher(hyk_uint a, hyk_uint b) { return a > b ? a : b; }
+
+HYK_FN hyk_sum3 hyk_add_digits3(hyk_sum3 sum, hyk_digits x, hyk_digits y, hyk_digits z) {
+    hyk_uint top = hyk_higher(hyk_higher(sum.top, x.top), hyk_higher(y.top, z.top));
+    sum.lanes[0] = hyk_add_digits(hyk_raise_lanes(sum.lanes[0], sum.top, top), top, x);
+    sum.lanes[1] = hyk_add_digits(hyk_raise_lanes(sum.lanes[1], sum.top, top), top, y);
+    sum.lanes[2] = hyk_add_digits(hyk_raise_lanes(sum.lanes[2], sum.top, top), top, z);
+    sum.top = top;
+    return sum;
+}
+
+/* Three floats, by their bits. */
+HYK_FN hyk_sum3 hyk_add_floats3(hyk_sum3 sum, hyk_uint x, hyk_uint y, hyk_uint z) {
+    return hyk_add_digits3(sum, hyk_digits_of(x), hyk_digits_of(y), hyk_digits_of(z));
+}
+
+#endif /* HYK_SUMS_H */
+
+/* >>shared-film: a film on a device: the records of render/film.h, and what the passes over it are told
+
+   Pixels, sums and ids have the bytes that they have on the host, so a film goes up and down as it is. */
+#ifndef HYK_FILM_H
+#define HYK_FILM_H
+
+/* hyi_pixel: of rgb the first three are those of even samples. */
+HYK_STRUCT(hyk_pixel) {
+    hyk_lanes rgb[6];
+    hyk_lanes square;
+    hyk_uint rgb_tops;    /* 16 bits each */
+    hyk_uint square_top;  /* and in the upper half the samples that were dropped */
+    hyk_uint largest;     /* bits of a float, which is not negative */
+    hyk_uint hits;
+} HYK_END(hyk_pixel)
+HYK_SIZE_IS(hyk_pixel, 128)
+
+/* hyi_ids. */
+HYK_STRUCT(hyk_ids) {
+    hyk_uint primitive, instance, mesh, material;
+} HYK_END(hyk_ids)
+HYK_SIZE_IS(hyk_ids, 16)
+
+/* Of a placed instance: what ids are made of. */
+HYK_STRUCT(hyk_placed_ids) {
+    hyk_uint instance, mesh;
+} HYK_END(hyk_placed_ids)
+HYK_SIZE_IS(hyk_placed_ids, 8)
+
+/* Of a unit, what its film must know. The units of one tile in a batch are a list, which the invocations of its first
+   one go through: so each pixel has one invocation that writes it. */
+HYK_STRUCT(hyk_film_unit) {
+    hyk_uint tile;
+    hyk_uint open;  /* groups of pixels that still count samples: a bit each */
+    hyk_uint next;  /* HYK_NONE: the last of its tile */
+    hyk_uint flags; /* HYK_FILM_... */
+} HYK_END(hyk_film_unit)
+HYK_SIZE_IS(hyk_film_unit, 16)
+
+#define HYK_FILM_FIRST 1u /* of its tile in the batch */
+#define HYK_FILM_IDS 2u   /* its first samples tell the ids */
+
+#define HYK_FILM_GROUPS 16u
+
+/* Of a tile, what its pixels' values are made with. */
+HYK_STRUCT(hyk_film_tile) {
+    hyk_uint taken;
+    hyk_uint reported[HYK_FILM_GROUPS];
+} HYK_END(hyk_film_tile)
+HYK_SIZE_IS(hyk_film_tile, 68)
+
+/* hyi_plane; the first four are pairs: half after half. */
+#define HYK_PLANE_DIRECT 0
+#define HYK_PLANE_INDIRECT 1
+#define HYK_PLANE_CAUSTIC 2
+#define HYK_PLANE_IRRADIANCE 3
+#define HYK_PLANE_ALBEDO 4
+#define HYK_PLANE_NORMAL 5
+#define HYK_PLANE_POSITION 6
+#define HYK_PLANE_DEPTH 7
+#define HYK_PLANES 8
+#define HYK_FILM_HAS_IDS 256u /* beside bits 1 << HYK_PLANE_... */
+
+/* Buffers of both kernels, set 0. */
+#define HYK_BINDING_FILM_PICTURE 0
+#define HYK_BINDING_FILM_UNITS 1 /* hyk_unit */
+#define HYK_BINDING_FILM_CHAINS 2 /* hyk_film_unit */
+#define HYK_BINDING_FILM_RADIANCE 3
+#define HYK_BINDING_FILM_EXTRAS 4
+#define HYK_BINDING_FILM_PIXELS 5
+#define HYK_BINDING_FILM_PLANES 6 /* and the following */
+#define HYK_BINDING_FILM_IDS 14
+#define HYK_BINDING_FILM_PLACED 15
+#define HYK_BINDING_FILM_TILES 16
+#define HYK_BINDING_FILM_OUT 17 /* accumulate: a double for each pixel of each unit; resolve: what is asked for */
+#define HYK_FILM_BINDINGS 18
+
+/* What resolve.comp is asked for; values of hydra_output, and one of its own. */
+#define HYK_RESOLVE_RADIANCE 0u
+#define HYK_RESOLVE_DIRECT 2u
+#define HYK_RESOLVE_INDIRECT 3u
+#define HYK_RESOLVE_CAUSTIC 4u
+#define HYK_RESOLVE_IRRADIANCE 5u
+#define HYK_RESOLVE_ALBEDO 6u
+#define HYK_RESOLVE_NORMAL 7u
+#define HYK_RESOLVE_POSITION 8u
+#define HYK_RESOLVE_DEPTH 9u
+#define HYK_RESOLVE_COVERAGE 10u
+#define HYK_RESOLVE_PRIMITIVE_ID 11u
+#define HYK_RESOLVE_INSTANCE_ID 12u
+#define HYK_RESOLVE_MESH_ID 13u
+#define HYK_RESOLVE_MATERIAL_ID 14u
+#define HYK_RESOLVE_SAMPLES 15u
+#define HYK_RESOLVE_LUMINANCE 32u /* a double for each pixel of the film, in the film's order */
+
+/* Push constants of both. */
+HYK_STRUCT(hyk_film_call) {
+    hyk_uint count;         /* accumulate: units; resolve: values */
+    hyk_uint lanes_of_unit;
+    hyk_uint asked;         /* HYK_RESOLVE_... */
+    hyk_uint points;        /* 1: the sensor is a list of points */
+    hyk_real factor0, factor1, factor2; /* by channel, to what a lightmap means */
+    hyk_uint unused;
+} HYK_END(hyk_film_call)
+HYK_SIZE_IS(hyk_film_call, 32)
+
+/* ---- where a pixel stands */
+
+HYK_FN hyk_uint hyk_film_tile_height(hyk_picture picture) { return picture.tile_pixels / picture.tile_width; }
+
+/* Of pixel (x, y) of the frame, which is in the picture. */
+HYK_FN hyk_uint hyk_film_tile_of(hyk_picture picture, hyk_uint x, hyk_uint y) {
+    hyk_uint height = hyk_film_tile_height(picture), first = picture.left / picture.tile_width;
+    hyk_uint tiles_x = (picture.right - 1u) / picture.tile_width - first + 1u;
+    return (y / height - picture.top / height) * tiles_x + (x / picture.tile_width - first);
+}
+HYK_FN hyk_uint hyk_film_index_of(hyk_picture picture, hyk_uint x, hyk_uint y) {
+    hyk_uint column = x % picture.tile_width, row = y % hyk_film_tile_height(picture);
+    hyk_uint place = picture.tile_is_square != 0u ? hyk_morton(column, row) : row * picture.tile_width + column;
+    return hyk_film_tile_of(picture, x, y) * picture.tile_pixels + place;
+}
+
+#endif /* HYK_FILM_H */
 
 /* >>vk-functions: Vulkan's loader opened at run time, and the functions that are used */
 #ifndef HYI_VK_FUNCTIONS_H
@@ -483,13 +741,14 @@ typedef struct hyi_vk {
     hyi_vk_lock shared, asking; /* the first guards the queue and all below; the second lets one thread at a time cast rays */
     hyi_vk_block *blocks;
     uint64_t bytes_now, bytes_peak;
-    VkDescriptorSetLayout scene_layout, pass_layout;
-    VkPipelineLayout layout;
+    VkDescriptorSetLayout scene_layout, pass_layout, film_set_layout;
+    VkPipelineLayout layout, film_layout;
     VkPipelineCache cache;
     hyi_vk_pipeline *pipelines;
     hyi_vk_asker *asker; /* made when first rays are cast */
     uint32_t pipeline_count;
     double seconds_start, seconds_pipelines, slice_total, slice_longest;
+    uint64_t bytes_read; /* by the host */
     uint64_t submissions, slices; /* slices: submissions of work, not of uploads */
     char name[VK_MAX_PHYSICAL_DEVICE_NAME_SIZE];
 } hyi_vk;
@@ -993,9 +1252,11 @@ HYI_FN hydra_result hyi_vk_make_buffer(hyi_vk *vk, hyi_vk_buffer *buffer, hyi_vk
 
 /* Every kernel: its words are hyk_spirv_ and the name. */
 #define HYI_VK_KERNELS(X) \
+    X(accumulate) \
     X(arguments) \
     X(generate) \
     X(points) \
+    X(resolve) \
     X(scan_apply) \
     X(scan_parts) \
     X(scan_plan) \
@@ -1005,6 +1266,870 @@ HYI_FN hydra_result hyi_vk_make_buffer(hyi_vk *vk, hyi_vk_buffer *buffer, hyi_vk
     X(sort_scatter) \
     X(trace) \
     X(trace_texels)
+
+/* shaders/accumulate.comp
+   sources: sha256 4aa4f0feb123434f6b937290eb8c301a45fa1e78a12908ede0176a279e43cdba
+   10289 words */
+static const uint32_t hyk_spirv_accumulate[] = {
+119734787,66816,524299,1647,0,131089,1,131089,10,393227,1,1280527431,
+1685353262,808793134,0,196622,0,1,1572879,5,2,1852399981,0,3,
+4,5,6,7,8,9,10,11,12,13,14,15,
+16,17,18,19,20,21,393232,2,17,64,1,1,
+262215,22,6,4,262216,23,0,25,327752,23,0,35,
+0,196679,23,2,262215,3,34,0,262215,3,33,17,
+262215,24,1,0,327752,25,0,35,0,327752,25,1,
+35,4,327752,25,2,35,8,327752,25,3,35,12,
+262215,26,6,16,327752,27,0,35,0,327752,27,1,
+35,96,327752,27,2,35,112,327752,27,3,35,116,
+327752,27,4,35,120,327752,27,5,35,124,262215,28,
+6,128,327752,29,0,35,0,196679,29,2,262215,4,
+34,0,262215,4,33,5,262215,30,6,16,327752,31,
+0,35,0,327752,31,1,35,48,327752,31,2,35,
+52,262215,32,6,56,327752,33,0,35,0,196679,33,
+2,262215,5,34,0,262215,5,33,6,262215,34,6,
+56,327752,35,0,35,0,196679,35,2,262215,6,34,
+0,262215,6,33,7,262215,36,6,56,327752,37,0,
+35,0,196679,37,2,262215,7,34,0,262215,7,33,
+8,262215,38,6,56,327752,39,0,35,0,196679,39,
+2,262215,8,34,0,262215,8,33,9,262215,40,6,
+56,327752,41,0,35,0,196679,41,2,262215,9,34,
+0,262215,9,33,10,262215,42,6,56,327752,43,0,
+35,0,196679,43,2,262215,10,34,0,262215,10,33,
+11,262215,44,6,56,327752,45,0,35,0,196679,45,
+2,262215,11,34,0,262215,11,33,12,262215,46,6,
+56,327752,47,0,35,0,196679,47,2,262215,12,34,
+0,262215,12,33,13,327752,48,0,35,0,327752,48,
+1,35,4,327752,48,2,35,8,327752,48,3,35,
+12,327752,48,4,35,16,327752,48,5,35,20,327752,
+48,6,35,24,327752,48,7,35,28,327752,49,0,
+35,0,196679,49,2,327752,50,0,35,0,327752,50,
+1,35,4,327752,50,2,35,8,327752,50,3,35,
+12,262215,51,6,16,262216,52,0,24,327752,52,0,
+35,0,196679,52,2,262215,14,34,0,262215,14,33,
+1,327752,53,0,35,0,327752,53,1,35,4,327752,
+53,2,35,8,327752,53,3,35,12,262215,54,6,
+16,262216,55,0,24,327752,55,0,35,0,196679,55,
+2,262215,15,34,0,262215,15,33,2,327752,56,0,
+35,0,327752,56,1,35,12,262215,57,6,16,262216,
+58,0,24,327752,58,0,35,0,196679,58,2,262215,
+16,34,0,262215,16,33,3,262215,59,1,4,327752,
+60,0,35,0,327752,60,1,35,12,327752,60,2,
+35,16,327752,60,3,35,28,327752,60,4,35,32,
+327752,60,5,35,44,327752,61,0,35,0,327752,61,
+1,35,12,327752,61,2,35,16,327752,61,3,35,
+28,327752,61,4,35,32,327752,61,5,35,44,327752,
+61,6,35,48,262215,62,6,96,262216,63,0,24,
+327752,63,0,35,0,196679,63,2,262215,17,34,0,
+262215,17,33,4,327752,64,0,35,0,327752,64,1,
+35,12,327752,64,2,35,16,327752,64,3,35,28,
+327752,64,4,35,32,327752,64,5,35,44,327752,64,
+6,35,48,327752,64,7,35,60,327752,64,8,35,
+64,327752,64,9,35,68,327752,64,10,35,72,327752,
+64,11,35,76,327752,64,12,35,80,327752,64,13,
+35,84,327752,64,14,35,88,327752,64,15,35,92,
+327752,65,0,35,0,327752,65,1,35,4,327752,66,
+0,35,0,327752,66,1,35,96,327752,66,2,35,
+104,327752,66,3,35,108,327752,66,4,35,112,327752,
+66,5,35,116,327752,66,6,35,120,327752,66,7,
+35,124,327752,66,8,35,128,327752,66,9,35,132,
+327752,66,10,35,136,327752,66,11,35,140,262216,67,
+0,24,327752,67,0,35,0,196679,67,2,262215,18,
+34,0,262215,18,33,0,262215,68,1,3,327752,69,
+0,35,0,327752,69,1,35,4,262215,70,6,8,
+262216,71,0,24,327752,71,0,35,0,196679,71,2,
+262215,19,34,0,262215,19,33,15,327752,72,0,35,
+0,327752,72,1,35,4,327752,72,2,35,8,327752,
+72,3,35,12,262215,73,6,16,327752,74,0,35,
+0,196679,74,2,262215,20,34,0,262215,20,33,14,
+262215,21,11,28,196679,75,42,262215,76,11,25,196679,
+77,42,196679,78,42,196679,79,42,196679,80,42,196679,
+81,42,196679,82,42,196679,83,42,196679,84,42,196679,
+85,42,196679,86,42,196679,87,42,196679,88,42,196679,
+89,42,196679,90,42,196679,91,42,196679,92,42,131091,
+93,196641,94,93,262165,95,32,0,393246,96,95,95,
+95,95,262176,97,7,96,262187,95,98,3,262172,99,
+96,98,327710,100,99,95,95,196630,101,64,131092,102,
+196630,103,32,262167,104,103,3,262187,95,105,31,262187,
+95,106,32,262165,107,32,1,262187,107,108,3,262187,
+107,109,5,262187,107,110,0,262187,107,111,1,262187,
+95,112,0,262187,107,113,2,262187,107,114,4,262187,
+95,115,2,262187,95,116,1,262187,107,117,23,262187,
+95,118,255,262187,95,119,8388607,262187,95,120,8388608,262187,
+95,121,4194304,262187,107,122,9,262187,107,123,31,262187,
+95,124,4294967295,262187,95,125,1002,262187,107,126,12,262187,
+95,127,4095,262187,107,128,24,262187,107,129,20,262187,
+107,130,8,262187,95,131,852,262167,132,95,2,196637,
+22,95,196638,23,22,262176,133,12,23,262203,133,3,
+12,262176,134,12,95,262194,95,24,0,262187,95,135,
+8,393246,25,95,95,95,95,262187,95,136,6,262172,
+26,25,136,524318,27,26,25,95,95,95,95,196637,
+28,27,196638,29,28,262176,137,12,29,262203,137,4,
+12,262187,95,138,16,262187,95,139,65535,262176,140,12,
+25,262172,30,25,98,327710,31,30,95,95,196637,32,
+31,196638,33,32,262176,141,12,33,262203,141,5,12,
+262176,142,12,31,196637,34,31,196638,35,34,262176,143,
+12,35,262203,143,6,12,196637,36,31,196638,37,36,
+262176,144,12,37,262203,144,7,12,196637,38,31,196638,
+39,38,262176,145,12,39,262203,145,8,12,262187,95,
+146,4,196637,40,31,196638,41,40,262176,147,12,41,
+262203,147,9,12,262187,95,148,5,196637,42,31,196638,
+43,42,262176,149,12,43,262203,149,10,12,196637,44,
+31,196638,45,44,262176,150,12,45,262203,150,11,12,
+262187,95,151,7,196637,46,31,196638,47,46,262176,152,
+12,47,262203,152,12,12,655390,48,95,95,95,95,
+103,103,103,95,196638,49,48,262176,153,9,49,262203,
+153,13,9,262176,154,9,95,393246,50,95,95,95,
+95,196637,51,50,196638,52,51,262176,155,12,52,262203,
+155,14,12,393246,53,95,95,95,95,196637,54,53,
+196638,55,54,262176,156,12,55,262203,156,15,12,262167,
+157,95,3,262187,95,158,2139095040,393260,157,159,158,158,
+158,262167,160,102,3,262174,56,104,95,196637,57,56,
+196638,58,57,262176,161,12,58,262203,161,16,12,262176,
+162,12,104,262187,103,163,0,393260,104,164,163,163,
+163,262194,95,59,0,393268,102,165,171,59,112,524318,
+60,104,103,104,95,104,95,589854,61,104,95,104,
+95,104,95,60,196637,62,61,196638,63,62,262176,166,
+12,63,262203,166,17,12,262187,103,167,1046066128,262187,103,
+168,1060575065,262187,103,169,1033100696,393268,102,170,171,59,112,
+262187,107,171,6,262176,172,12,103,262187,103,173,1065353216,
+262187,95,174,4294901760,262187,107,175,16,1179678,64,104,95,
+104,103,104,103,104,103,103,103,103,95,95,95,
+103,103,262174,65,95,95,917534,66,64,65,95,95,
+95,95,95,95,95,95,95,95,196638,67,66,262176,
+176,12,67,262203,176,18,12,327723,101,177,0,0,
+262194,95,68,0,393268,102,178,170,68,112,393268,102,
+179,171,68,112,262187,95,180,256,393268,95,181,199,
+24,180,393268,102,182,170,181,112,262187,95,183,4294967294,
+262174,184,95,95,262174,69,95,95,196637,70,69,196638,
+71,70,262176,185,12,71,262203,185,19,12,262176,186,
+12,69,393246,72,95,95,95,95,196637,73,72,196638,
+74,73,262176,187,12,74,262203,187,20,12,393246,188,
+95,95,95,95,262176,189,12,72,262176,190,1,157,
+262203,190,21,1,262176,191,1,95,262187,95,192,64,
+393260,157,76,192,116,116,262176,193,7,99,196609,95,
+194,262187,95,195,67,262187,95,196,68,327734,93,2,
+0,94,131320,197,262203,193,198,7,196855,199,0,196859,
+112,200,131320,200,393281,134,201,18,110,108,262205,95,
+202,201,327745,191,203,21,112,262205,95,204,203,327814,
+95,75,204,202,393281,154,205,13,110,110,262205,95,
+206,205,327854,102,207,75,206,262312,102,208,207,196855,
+209,0,262394,208,210,209,131320,210,458817,134,211,15,
+110,75,108,262205,95,212,211,327879,95,213,212,116,
+327850,102,214,213,112,131321,209,131320,209,458997,102,215,
+207,200,214,210,196855,216,0,262394,215,217,216,131320,
+217,131321,199,131320,216,327817,95,218,204,202,393281,154,
+219,13,110,111,262205,95,220,219,327812,95,221,75,
+220,458817,134,222,14,110,75,108,262205,95,223,222,
+327812,95,224,218,223,327808,95,225,221,224,458817,134,
+226,16,110,225,111,262205,95,227,226,327879,95,228,
+227,116,327850,102,229,228,112,196855,230,0,262394,229,
+231,230,131320,231,131321,199,131320,230,458817,134,232,15,
+110,75,110,262205,95,233,232,327812,95,234,233,202,
+327808,95,235,234,218,196855,236,0,196859,112,237,131320,
+237,196855,238,0,262394,182,239,238,131320,239,131321,236,
+131320,238,131321,240,131320,240,458997,95,241,75,238,242,
+243,327851,102,244,241,124,262390,245,243,0,262394,244,
+246,245,131320,246,327812,95,247,241,220,458817,134,248,
+14,110,241,108,262205,95,249,248,327812,95,250,218,
+249,327808,95,251,247,250,458817,134,252,17,110,251,
+111,262205,95,253,252,524353,134,254,17,110,251,171,
+108,262205,95,255,254,458817,134,256,15,110,241,108,
+262205,95,257,256,327879,95,258,257,115,327850,102,259,
+258,112,327854,102,260,253,183,327846,102,261,259,260,
+196855,262,0,262394,261,263,262,131320,263,131321,243,131320,
+262,393281,186,264,19,110,253,262205,69,265,264,262544,
+184,266,265,327761,95,267,266,0,327761,95,268,266,
+1,458817,134,269,17,110,251,108,262205,95,270,269,
+327850,102,271,255,124,393385,95,272,271,112,255,458832,
+188,273,270,267,268,272,393281,189,274,20,110,235,
+262544,72,275,273,196670,274,275,131321,243,131320,243,458817,
+134,276,15,110,241,113,262205,95,242,276,131321,240,
+131320,245,131321,236,131320,236,131321,277,131320,277,458997,95,
+278,194,236,279,280,458997,95,281,194,236,282,280,
+458997,95,283,194,236,284,280,458997,95,285,194,236,
+286,280,458997,95,287,194,236,288,280,458997,95,289,
+194,236,290,280,458997,95,291,194,236,292,280,458997,
+95,293,194,236,294,280,458997,95,295,194,236,296,
+280,458997,95,297,194,236,298,280,458997,95,299,194,
+236,300,280,458997,95,301,194,236,302,280,458997,95,
+303,194,236,304,280,458997,95,305,194,236,306,280,
+458997,95,307,112,236,308,280,327858,102,309,307,135,
+262390,310,280,0,262394,309,311,310,131320,311,327851,102,
+312,307,135,196855,313,0,262394,312,314,313,131320,314,
+327874,95,315,24,307,327879,95,316,315,116,327851,102,
+317,316,112,262312,102,318,317,131321,313,131320,313,458997,
+102,319,312,311,318,314,196855,320,0,262394,319,321,
+320,131320,321,131321,280,131320,320,327858,102,322,307,98,
+327850,102,323,307,135,327846,102,324,322,323,393385,95,
+325,324,115,116,131321,326,131320,326,458997,95,327,278,
+320,328,329,458997,95,330,281,320,331,329,458997,95,
+332,283,320,333,329,458997,95,334,285,320,335,329,
+458997,95,336,287,320,337,329,458997,95,338,289,320,
+339,329,458997,95,340,291,320,341,329,458997,95,342,
+293,320,343,329,458997,95,344,295,320,345,329,458997,
+95,346,297,320,347,329,458997,95,348,299,320,349,
+329,458997,95,350,301,320,351,329,458997,95,352,303,
+320,353,329,458997,95,354,305,320,355,329,458997,95,
+356,112,320,357,329,327856,102,358,356,325,262390,359,
+329,0,262394,358,360,359,131320,360,196855,361,0,262394,
+322,362,363,131320,363,131321,361,131320,362,327812,95,364,
+115,235,327808,95,365,364,356,131321,361,131320,361,458997,
+95,366,365,362,235,363,196855,367,0,1245435,307,368,
+0,369,1,370,2,371,3,372,4,373,5,374,
+6,375,7,376,131320,376,327874,95,377,24,151,327879,
+95,378,377,116,327851,102,379,378,112,196855,380,0,
+262394,379,381,380,131320,381,393281,142,382,12,110,366,
+262205,31,383,382,262544,100,384,383,327761,99,385,384,
+0,327761,96,386,385,0,327761,95,387,386,0,327761,
+95,388,386,1,327761,95,389,386,2,327761,95,390,
+386,3,327761,96,391,385,1,327761,95,392,391,0,
+327761,95,393,391,1,327761,95,394,391,2,327761,95,
+395,391,3,327761,96,396,385,2,327761,95,397,396,
+0,327761,95,398,396,1,327761,95,399,396,2,327761,
+95,400,396,3,327761,95,401,384,1,327761,95,402,
+384,2,131321,380,131320,380,458997,95,403,327,376,387,
+381,458997,95,404,330,376,388,381,458997,95,405,332,
+376,389,381,458997,95,406,334,376,390,381,458997,95,
+407,336,376,392,381,458997,95,408,338,376,393,381,
+458997,95,409,340,376,394,381,458997,95,410,342,376,
+395,381,458997,95,411,344,376,397,381,458997,95,412,
+346,376,398,381,458997,95,413,348,376,399,381,458997,
+95,414,350,376,400,381,458997,95,415,352,376,401,
+381,458997,95,416,354,376,402,381,131321,367,131320,375,
+327874,95,417,24,136,327879,95,418,417,116,327851,102,
+419,418,112,196855,420,0,262394,419,421,420,131320,421,
+393281,142,422,11,110,366,262205,31,423,422,262544,100,
+424,423,327761,99,425,424,0,327761,96,426,425,0,
+327761,95,427,426,0,327761,95,428,426,1,327761,95,
+429,426,2,327761,95,430,426,3,327761,96,431,425,
+1,327761,95,432,431,0,327761,95,433,431,1,327761,
+95,434,431,2,327761,95,435,431,3,327761,96,436,
+425,2,327761,95,437,436,0,327761,95,438,436,1,
+327761,95,439,436,2,327761,95,440,436,3,327761,95,
+441,424,1,327761,95,442,424,2,131321,420,131320,420,
+458997,95,443,327,375,427,421,458997,95,444,330,375,
+428,421,458997,95,445,332,375,429,421,458997,95,446,
+334,375,430,421,458997,95,447,336,375,432,421,458997,
+95,448,338,375,433,421,458997,95,449,340,375,434,
+421,458997,95,450,342,375,435,421,458997,95,451,344,
+375,437,421,458997,95,452,346,375,438,421,458997,95,
+453,348,375,439,421,458997,95,454,350,375,440,421,
+458997,95,455,352,375,441,421,458997,95,456,354,375,
+442,421,131321,367,131320,374,327874,95,457,24,148,327879,
+95,458,457,116,327851,102,459,458,112,196855,460,0,
+262394,459,461,460,131320,461,393281,142,462,10,110,366,
+262205,31,463,462,262544,100,464,463,327761,99,465,464,
+0,327761,96,466,465,0,327761,95,467,466,0,327761,
+95,468,466,1,327761,95,469,466,2,327761,95,470,
+466,3,327761,96,471,465,1,327761,95,472,471,0,
+327761,95,473,471,1,327761,95,474,471,2,327761,95,
+475,471,3,327761,96,476,465,2,327761,95,477,476,
+0,327761,95,478,476,1,327761,95,479,476,2,327761,
+95,480,476,3,327761,95,481,464,1,327761,95,482,
+464,2,131321,460,131320,460,458997,95,483,327,374,467,
+461,458997,95,484,330,374,468,461,458997,95,485,332,
+374,469,461,458997,95,486,334,374,470,461,458997,95,
+487,336,374,472,461,458997,95,488,338,374,473,461,
+458997,95,489,340,374,474,461,458997,95,490,342,374,
+475,461,458997,95,491,344,374,477,461,458997,95,492,
+346,374,478,461,458997,95,493,348,374,479,461,458997,
+95,494,350,374,480,461,458997,95,495,352,374,481,
+461,458997,95,496,354,374,482,461,131321,367,131320,373,
+327874,95,497,24,146,327879,95,498,497,116,327851,102,
+499,498,112,196855,500,0,262394,499,501,500,131320,501,
+393281,142,502,9,110,366,262205,31,503,502,262544,100,
+504,503,327761,99,505,504,0,327761,96,506,505,0,
+327761,95,507,506,0,327761,95,508,506,1,327761,95,
+509,506,2,327761,95,510,506,3,327761,96,511,505,
+1,327761,95,512,511,0,327761,95,513,511,1,327761,
+95,514,511,2,327761,95,515,511,3,327761,96,516,
+505,2,327761,95,517,516,0,327761,95,518,516,1,
+327761,95,519,516,2,327761,95,520,516,3,327761,95,
+521,504,1,327761,95,522,504,2,131321,500,131320,500,
+458997,95,523,327,373,507,501,458997,95,524,330,373,
+508,501,458997,95,525,332,373,509,501,458997,95,526,
+334,373,510,501,458997,95,527,336,373,512,501,458997,
+95,528,338,373,513,501,458997,95,529,340,373,514,
+501,458997,95,530,342,373,515,501,458997,95,531,344,
+373,517,501,458997,95,532,346,373,518,501,458997,95,
+533,348,373,519,501,458997,95,534,350,373,520,501,
+458997,95,535,352,373,521,501,458997,95,536,354,373,
+522,501,131321,367,131320,372,327874,95,537,24,98,327879,
+95,538,537,116,327851,102,539,538,112,196855,540,0,
+262394,539,541,540,131320,541,393281,142,542,8,110,366,
+262205,31,543,542,262544,100,544,543,327761,99,545,544,
+0,327761,96,546,545,0,327761,95,547,546,0,327761,
+95,548,546,1,327761,95,549,546,2,327761,95,550,
+546,3,327761,96,551,545,1,327761,95,552,551,0,
+327761,95,553,551,1,327761,95,554,551,2,327761,95,
+555,551,3,327761,96,556,545,2,327761,95,557,556,
+0,327761,95,558,556,1,327761,95,559,556,2,327761,
+95,560,556,3,327761,95,561,544,1,327761,95,562,
+544,2,131321,540,131320,540,458997,95,563,327,372,547,
+541,458997,95,564,330,372,548,541,458997,95,565,332,
+372,549,541,458997,95,566,334,372,550,541,458997,95,
+567,336,372,552,541,458997,95,568,338,372,553,541,
+458997,95,569,340,372,554,541,458997,95,570,342,372,
+555,541,458997,95,571,344,372,557,541,458997,95,572,
+346,372,558,541,458997,95,573,348,372,559,541,458997,
+95,574,350,372,560,541,458997,95,575,352,372,561,
+541,458997,95,576,354,372,562,541,131321,367,131320,371,
+327874,95,577,24,115,327879,95,578,577,116,327851,102,
+579,578,112,196855,580,0,262394,579,581,580,131320,581,
+393281,142,582,7,110,366,262205,31,583,582,262544,100,
+584,583,327761,99,585,584,0,327761,96,586,585,0,
+327761,95,587,586,0,327761,95,588,586,1,327761,95,
+589,586,2,327761,95,590,586,3,327761,96,591,585,
+1,327761,95,592,591,0,327761,95,593,591,1,327761,
+95,594,591,2,327761,95,595,591,3,327761,96,596,
+585,2,327761,95,597,596,0,327761,95,598,596,1,
+327761,95,599,596,2,327761,95,600,596,3,327761,95,
+601,584,1,327761,95,602,584,2,131321,580,131320,580,
+458997,95,603,327,371,587,581,458997,95,604,330,371,
+588,581,458997,95,605,332,371,589,581,458997,95,606,
+334,371,590,581,458997,95,607,336,371,592,581,458997,
+95,608,338,371,593,581,458997,95,609,340,371,594,
+581,458997,95,610,342,371,595,581,458997,95,611,344,
+371,597,581,458997,95,612,346,371,598,581,458997,95,
+613,348,371,599,581,458997,95,614,350,371,600,581,
+458997,95,615,352,371,601,581,458997,95,616,354,371,
+602,581,131321,367,131320,370,327874,95,617,24,116,327879,
+95,618,617,116,327851,102,619,618,112,196855,620,0,
+262394,619,621,620,131320,621,393281,142,622,6,110,366,
+262205,31,623,622,262544,100,624,623,327761,99,625,624,
+0,327761,96,626,625,0,327761,95,627,626,0,327761,
+95,628,626,1,327761,95,629,626,2,327761,95,630,
+626,3,327761,96,631,625,1,327761,95,632,631,0,
+327761,95,633,631,1,327761,95,634,631,2,327761,95,
+635,631,3,327761,96,636,625,2,327761,95,637,636,
+0,327761,95,638,636,1,327761,95,639,636,2,327761,
+95,640,636,3,327761,95,641,624,1,327761,95,642,
+624,2,131321,620,131320,620,458997,95,643,327,370,627,
+621,458997,95,644,330,370,628,621,458997,95,645,332,
+370,629,621,458997,95,646,334,370,630,621,458997,95,
+647,336,370,632,621,458997,95,648,338,370,633,621,
+458997,95,649,340,370,634,621,458997,95,650,342,370,
+635,621,458997,95,651,344,370,637,621,458997,95,652,
+346,370,638,621,458997,95,653,348,370,639,621,458997,
+95,654,350,370,640,621,458997,95,655,352,370,641,
+621,458997,95,656,354,370,642,621,131321,367,131320,369,
+327874,95,657,24,112,327879,95,658,657,116,327851,102,
+659,658,112,196855,660,0,262394,659,661,660,131320,661,
+393281,142,662,5,110,366,262205,31,663,662,262544,100,
+664,663,327761,99,665,664,0,327761,96,666,665,0,
+327761,95,667,666,0,327761,95,668,666,1,327761,95,
+669,666,2,327761,95,670,666,3,327761,96,671,665,
+1,327761,95,672,671,0,327761,95,673,671,1,327761,
+95,674,671,2,327761,95,675,671,3,327761,96,676,
+665,2,327761,95,677,676,0,327761,95,678,676,1,
+327761,95,679,676,2,327761,95,680,676,3,327761,95,
+681,664,1,327761,95,682,664,2,131321,660,131320,660,
+458997,95,683,327,369,667,661,458997,95,684,330,369,
+668,661,458997,95,685,332,369,669,661,458997,95,686,
+334,369,670,661,458997,95,687,336,369,672,661,458997,
+95,688,338,369,673,661,458997,95,689,340,369,674,
+661,458997,95,690,342,369,675,661,458997,95,691,344,
+369,677,661,458997,95,692,346,369,678,661,458997,95,
+693,348,369,679,661,458997,95,694,350,369,680,661,
+458997,95,695,352,369,681,661,458997,95,696,354,369,
+682,661,131321,367,131320,368,327812,95,697,98,356,458817,
+134,698,4,110,235,113,262205,95,699,698,327812,95,
+700,138,356,327874,95,701,699,700,327879,95,702,701,
+139,524353,140,703,4,110,235,110,697,262205,25,704,
+703,327808,95,705,697,116,524353,140,706,4,110,235,
+110,705,262205,25,707,706,327808,95,708,697,115,524353,
+140,709,4,110,235,110,708,262205,25,710,709,262544,
+96,711,704,262544,96,712,707,262544,96,713,710,327761,
+95,714,711,0,327761,95,715,711,1,327761,95,716,
+711,2,327761,95,717,711,3,327761,95,718,712,0,
+327761,95,719,712,1,327761,95,720,712,2,327761,95,
+721,712,3,327761,95,722,713,0,327761,95,723,713,
+1,327761,95,724,713,2,327761,95,725,713,3,131321,
+367,131320,367,1376501,95,328,714,368,683,660,643,620,
+603,580,563,540,523,500,483,460,443,420,403,380,
+1376501,95,331,715,368,684,660,644,620,604,580,564,
+540,524,500,484,460,444,420,404,380,1376501,95,333,
+716,368,685,660,645,620,605,580,565,540,525,500,
+485,460,445,420,405,380,1376501,95,335,717,368,686,
+660,646,620,606,580,566,540,526,500,486,460,446,
+420,406,380,1376501,95,337,718,368,687,660,647,620,
+607,580,567,540,527,500,487,460,447,420,407,380,
+1376501,95,339,719,368,688,660,648,620,608,580,568,
+540,528,500,488,460,448,420,408,380,1376501,95,341,
+720,368,689,660,649,620,609,580,569,540,529,500,
+489,460,449,420,409,380,1376501,95,343,721,368,690,
+660,650,620,610,580,570,540,530,500,490,460,450,
+420,410,380,1376501,95,345,722,368,691,660,651,620,
+611,580,571,540,531,500,491,460,451,420,411,380,
+1376501,95,347,723,368,692,660,652,620,612,580,572,
+540,532,500,492,460,452,420,412,380,1376501,95,349,
+724,368,693,660,653,620,613,580,573,540,533,500,
+493,460,453,420,413,380,1376501,95,351,725,368,694,
+660,654,620,614,580,574,540,534,500,494,460,454,
+420,414,380,1376501,95,353,702,368,695,660,655,620,
+615,580,575,540,535,500,495,460,455,420,415,380,
+1376501,95,355,112,368,696,660,656,620,616,580,576,
+540,536,500,496,460,456,420,416,380,131321,726,131320,
+726,458997,95,727,328,367,728,729,458997,95,730,331,
+367,731,729,458997,95,732,333,367,733,729,458997,95,
+734,335,367,735,729,458997,95,736,337,367,737,729,
+458997,95,738,339,367,739,729,458997,95,740,341,367,
+741,729,458997,95,742,343,367,743,729,458997,95,744,
+345,367,745,729,458997,95,746,347,367,747,729,458997,
+95,748,349,367,749,729,458997,95,750,351,367,751,
+729,458997,95,752,353,367,753,729,458997,95,754,75,
+367,755,729,327851,102,756,754,124,262390,757,729,0,
+262394,756,758,757,131320,758,327812,95,759,754,220,458817,
+134,760,14,110,754,108,262205,95,761,760,327812,95,
+762,218,761,327808,95,763,759,762,262205,95,764,760,
+327808,95,765,763,764,327850,102,766,325,115,196855,767,
+0,262394,766,768,767,131320,768,458817,134,769,15,110,
+754,111,262205,95,770,769,327817,95,771,218,138,327874,
+95,772,770,771,327879,95,773,772,116,327851,102,774,
+773,112,262312,102,775,774,131321,767,131320,767,458997,102,
+776,766,758,775,768,196855,777,0,262394,776,778,777,
+131320,778,131321,729,131320,777,327808,95,779,763,356,131321,
+780,131320,780,458997,95,781,727,777,782,783,458997,95,
+784,730,777,785,783,458997,95,786,732,777,787,783,
+458997,95,788,734,777,789,783,458997,95,790,736,777,
+791,783,458997,95,792,738,777,793,783,458997,95,794,
+740,777,795,783,458997,95,796,742,777,797,783,458997,
+95,798,744,777,799,783,458997,95,800,746,777,801,
+783,458997,95,802,748,777,803,783,458997,95,804,750,
+777,805,783,458997,95,806,752,777,807,783,458997,95,
+808,779,777,809,783,327856,102,810,808,765,262390,811,
+783,0,262394,810,812,811,131320,812,196855,813,0,196859,
+112,814,131320,814,327854,102,815,307,146,327847,102,816,
+815,312,196855,817,0,262394,816,818,817,131320,818,196855,
+819,0,196859,112,820,131320,820,458817,134,821,16,110,
+808,111,262205,95,822,821,327879,95,823,822,115,327851,
+102,824,823,112,327850,102,825,307,151,196855,826,0,
+262394,825,827,826,131320,827,327847,102,828,824,170,196855,
+829,0,262394,828,830,831,131320,831,131321,829,131320,830,
+524353,172,832,17,110,808,171,111,262205,103,833,832,
+131321,829,131320,829,458997,103,834,833,830,163,831,262205,
+95,835,821,327879,95,836,835,146,327851,102,837,836,
+112,393385,103,838,837,173,163,393296,104,839,834,838,
+163,131321,819,131320,826,262312,102,840,824,196855,841,0,
+262394,840,842,841,131320,842,131321,819,131320,841,327850,102,
+843,307,146,196855,844,0,262394,843,845,846,131320,846,
+327850,102,847,307,148,196855,848,0,262394,847,849,850,
+131320,850,524353,162,851,17,110,808,171,114,262205,104,
+852,851,131321,848,131320,849,524353,162,853,17,110,808,
+171,113,262205,104,854,853,131321,848,131320,848,458997,104,
+855,854,849,852,850,131321,844,131320,845,524353,162,856,
+17,110,808,171,110,262205,104,857,856,131321,844,131320,
+844,458997,104,858,857,845,855,848,131321,819,131320,819,
+590069,104,859,839,829,164,842,858,844,131321,813,131320,
+817,458817,162,860,16,110,808,110,262205,104,861,860,
+196855,862,0,262394,165,863,862,131320,863,458817,162,864,
+17,110,808,110,262205,104,865,864,458817,162,866,17,
+110,808,113,262205,104,867,866,458817,162,868,17,110,
+808,114,262205,104,869,868,131321,862,131320,862,458997,104,
+870,164,817,869,863,458997,104,871,164,817,867,863,
+458997,104,872,164,817,865,863,262268,157,873,861,327879,
+157,874,873,159,327851,160,875,874,159,262299,102,876,
+875,196855,877,0,262394,876,878,877,131320,878,262268,157,
+879,872,327879,157,880,879,159,327851,160,881,880,159,
+262299,102,882,881,131321,877,131320,877,458997,102,883,876,
+862,882,878,196855,884,0,262394,883,885,884,131320,885,
+262268,157,886,871,327879,157,887,886,159,327851,160,888,
+887,159,262299,102,889,888,131321,884,131320,884,458997,102,
+890,883,877,889,885,196855,891,0,262394,890,892,891,
+131320,892,262268,157,893,870,327879,157,894,893,159,327851,
+160,895,894,159,262299,102,896,895,131321,891,131320,891,
+458997,102,897,890,884,896,892,262312,102,898,897,393296,
+160,899,898,898,898,393385,104,900,899,164,861,393385,
+104,901,899,164,872,393385,104,902,899,164,871,393385,
+104,903,899,164,870,196855,904,0,721147,307,905,0,
+906,1,907,2,908,3,909,131320,909,131321,904,131320,
+908,131321,904,131320,907,131321,904,131320,906,131321,904,131320,
+905,327809,104,77,901,902,327809,104,78,900,77,131321,
+904,131320,904,852213,104,910,78,905,900,906,901,907,
+902,908,903,909,131321,813,131320,813,458997,104,911,859,
+819,910,904,262268,157,912,911,327761,95,913,912,0,
+327761,95,914,912,1,327761,95,915,912,2,196855,916,
+0,196859,112,917,131320,917,327874,95,918,913,123,327851,
+102,919,918,112,393385,95,920,919,124,112,327874,95,
+921,913,117,327879,95,922,921,118,327850,102,923,922,
+118,196855,924,0,262394,923,925,924,131320,925,327879,95,
+926,913,119,327851,102,927,926,112,393385,95,928,927,
+121,112,327877,95,929,926,928,327876,95,930,929,122,
+327876,95,931,930,112,131321,916,131320,924,327879,95,932,
+913,119,327851,102,933,922,112,393385,95,934,933,120,
+112,327877,95,935,932,934,393385,95,936,933,922,116,
+327808,95,937,936,125,327879,95,938,937,105,327810,95,
+939,106,938,327879,95,940,939,105,327874,95,941,937,
+109,327876,95,942,935,938,327876,95,943,112,938,327851,
+102,944,938,112,196855,945,0,262394,944,946,947,131320,
+947,131321,945,131320,946,327874,95,948,935,940,131321,945,
+131320,945,458997,95,949,948,946,112,947,327877,95,950,
+943,949,196855,951,0,262394,944,952,953,131320,953,131321,
+951,131320,952,327874,95,954,112,940,131321,951,131320,951,
+458997,95,955,954,952,112,953,327851,102,956,955,112,
+196855,957,0,262394,956,958,959,131320,959,327851,102,960,
+950,112,196855,961,0,262394,960,962,963,131320,963,327851,
+102,964,942,112,393385,95,965,964,941,112,131321,961,
+131320,962,327808,95,966,941,116,131321,961,131320,961,458997,
+95,967,966,962,965,963,131321,957,131320,958,327808,95,
+968,941,115,131321,957,131320,957,458997,95,969,968,958,
+967,961,131321,916,131320,916,458997,95,970,931,925,942,
+957,458997,95,971,116,925,950,957,458997,95,972,112,
+925,955,957,458997,95,973,195,925,941,957,458997,95,
+974,196,925,969,957,196855,975,0,196859,112,976,131320,
+976,327874,95,977,914,123,327851,102,978,977,112,393385,
+95,979,978,124,112,327874,95,980,914,117,327879,95,
+981,980,118,327850,102,982,981,118,196855,983,0,262394,
+982,984,983,131320,984,327879,95,985,914,119,327851,102,
+986,985,112,393385,95,987,986,121,112,327877,95,988,
+985,987,327876,95,989,988,122,327876,95,990,989,112,
+131321,975,131320,983,327879,95,991,914,119,327851,102,992,
+981,112,393385,95,993,992,120,112,327877,95,994,991,
+993,393385,95,995,992,981,116,327808,95,996,995,125,
+327879,95,997,996,105,327810,95,998,106,997,327879,95,
+999,998,105,327874,95,1000,996,109,327876,95,1001,994,
+997,327876,95,1002,112,997,327851,102,1003,997,112,196855,
+1004,0,262394,1003,1005,1006,131320,1006,131321,1004,131320,1005,
+327874,95,1007,994,999,131321,1004,131320,1004,458997,95,1008,
+1007,1005,112,1006,327877,95,1009,1002,1008,196855,1010,0,
+262394,1003,1011,1012,131320,1012,131321,1010,131320,1011,327874,95,
+1013,112,999,131321,1010,131320,1010,458997,95,1014,1013,1011,
+112,1012,327851,102,1015,1014,112,196855,1016,0,262394,1015,
+1017,1018,131320,1018,327851,102,1019,1009,112,196855,1020,0,
+262394,1019,1021,1022,131320,1022,327851,102,1023,1001,112,393385,
+95,1024,1023,1000,112,131321,1020,131320,1021,327808,95,1025,
+1000,116,131321,1020,131320,1020,458997,95,1026,1025,1021,1024,
+1022,131321,1016,131320,1017,327808,95,1027,1000,115,131321,1016,
+131320,1016,458997,95,1028,1027,1017,1026,1020,131321,975,131320,
+975,458997,95,1029,990,984,1001,1016,458997,95,1030,116,
+984,1009,1016,458997,95,1031,112,984,1014,1016,458997,95,
+1032,195,984,1000,1016,458997,95,1033,196,984,1028,1016,
+196855,1034,0,196859,112,1035,131320,1035,327874,95,1036,915,
+123,327851,102,1037,1036,112,393385,95,1038,1037,124,112,
+327874,95,1039,915,117,327879,95,1040,1039,118,327850,102,
+1041,1040,118,196855,1042,0,262394,1041,1043,1042,131320,1043,
+327879,95,1044,915,119,327851,102,1045,1044,112,393385,95,
+1046,1045,121,112,327877,95,1047,1044,1046,327876,95,1048,
+1047,122,327876,95,1049,1048,112,131321,1034,131320,1042,327879,
+95,1050,915,119,327851,102,1051,1040,112,393385,95,1052,
+1051,120,112,327877,95,1053,1050,1052,393385,95,1054,1051,
+1040,116,327808,95,1055,1054,125,327879,95,1056,1055,105,
+327810,95,1057,106,1056,327879,95,1058,1057,105,327874,95,
+1059,1055,109,327876,95,1060,1053,1056,327876,95,1061,112,
+1056,327851,102,1062,1056,112,196855,1063,0,262394,1062,1064,
+1065,131320,1065,131321,1063,131320,1064,327874,95,1066,1053,1058,
+131321,1063,131320,1063,458997,95,1067,1066,1064,112,1065,327877,
+95,1068,1061,1067,196855,1069,0,262394,1062,1070,1071,131320,
+1071,131321,1069,131320,1070,327874,95,1072,112,1058,131321,1069,
+131320,1069,458997,95,1073,1072,1070,112,1071,327851,102,1074,
+1073,112,196855,1075,0,262394,1074,1076,1077,131320,1077,327851,
+102,1078,1068,112,196855,1079,0,262394,1078,1080,1081,131320,
+1081,327851,102,1082,1060,112,393385,95,1083,1082,1059,112,
+131321,1079,131320,1080,327808,95,1084,1059,116,131321,1079,131320,
+1079,458997,95,1085,1084,1080,1083,1081,131321,1075,131320,1076,
+327808,95,1086,1059,115,131321,1075,131320,1075,458997,95,1087,
+1086,1076,1085,1079,131321,1034,131320,1034,458997,95,1088,1049,
+1043,1060,1075,458997,95,1089,116,1043,1068,1075,458997,95,
+1090,112,1043,1073,1075,458997,95,1091,195,1043,1059,1075,
+458997,95,1092,196,1043,1087,1075,327852,102,1093,806,974,
+393385,95,1094,1093,806,974,327852,102,1095,1033,1092,393385,
+95,1096,1095,1033,1092,327852,102,1097,1094,1096,393385,95,
+807,1097,1094,1096,196855,1098,0,196859,112,1099,131320,1099,
+327850,102,1100,807,806,196855,1101,0,262394,1100,1102,1101,
+131320,1102,131321,1098,131320,1101,327808,95,1103,806,116,327850,
+102,1104,807,1103,393385,95,1105,1104,781,112,393385,95,
+1106,1104,784,112,131321,1098,131320,1098,458997,95,1107,781,
+1102,112,1101,458997,95,1108,784,1102,112,1101,458997,95,
+1109,786,1102,1105,1101,458997,95,1110,788,1102,1106,1101,
+327810,95,1111,807,973,327850,102,1112,1111,112,196855,1113,
+0,262394,1112,1114,1115,131320,1115,327850,102,1116,1111,116,
+196855,1117,0,262394,1116,1118,1119,131320,1119,327850,102,1120,
+1111,115,393385,95,1121,1120,972,112,131321,1117,131320,1118,
+131321,1117,131320,1117,458997,95,1122,971,1118,1121,1119,131321,
+1113,131320,1114,131321,1113,131320,1113,458997,95,1123,970,1114,
+1122,1117,327810,95,1124,807,116,327810,95,1125,1124,973,
+327850,102,1126,1125,112,196855,1127,0,262394,1126,1128,1129,
+131320,1129,327850,102,1130,1125,116,196855,1131,0,262394,1130,
+1132,1133,131320,1133,327850,102,1134,1125,115,393385,95,1135,
+1134,972,112,131321,1131,131320,1132,131321,1131,131320,1131,458997,
+95,1136,971,1132,1135,1133,131321,1127,131320,1128,131321,1127,
+131320,1127,458997,95,1137,970,1128,1136,1131,327878,95,1138,
+1123,920,327810,95,1139,1138,920,327878,95,1140,1137,920,
+327810,95,1141,1140,920,327808,95,782,1107,1139,327851,102,
+1142,1123,112,393385,95,1143,1142,920,112,327856,102,1144,
+782,1139,393385,95,1145,1144,116,112,327808,95,1146,1143,
+1145,327808,95,785,1108,1146,327808,95,787,1109,1141,327851,
+102,1147,1137,112,393385,95,1148,1147,920,112,327856,102,
+1149,787,1141,393385,95,1150,1149,116,112,327808,95,1151,
+1148,1150,327808,95,789,1110,1151,196855,1152,0,196859,112,
+1153,131320,1153,196855,1154,0,262394,1100,1155,1154,131320,1155,
+131321,1152,131320,1154,327808,95,1156,806,116,327850,102,1157,
+807,1156,393385,95,1158,1157,790,112,393385,95,1159,1157,
+792,112,131321,1152,131320,1152,458997,95,1160,790,1155,112,
+1154,458997,95,1161,792,1155,112,1154,458997,95,1162,794,
+1155,1158,1154,458997,95,1163,796,1155,1159,1154,327810,95,
+1164,807,1032,327850,102,1165,1164,112,196855,1166,0,262394,
+1165,1167,1168,131320,1168,327850,102,1169,1164,116,196855,1170,
+0,262394,1169,1171,1172,131320,1172,327850,102,1173,1164,115,
+393385,95,1174,1173,1031,112,131321,1170,131320,1171,131321,1170,
+131320,1170,458997,95,1175,1030,1171,1174,1172,131321,1166,131320,
+1167,131321,1166,131320,1166,458997,95,1176,1029,1167,1175,1170,
+327810,95,1177,1124,1032,327850,102,1178,1177,112,196855,1179,
+0,262394,1178,1180,1181,131320,1181,327850,102,1182,1177,116,
+196855,1183,0,262394,1182,1184,1185,131320,1185,327850,102,1186,
+1177,115,393385,95,1187,1186,1031,112,131321,1183,131320,1184,
+131321,1183,131320,1183,458997,95,1188,1030,1184,1187,1185,131321,
+1179,131320,1180,131321,1179,131320,1179,458997,95,1189,1029,1180,
+1188,1183,327878,95,1190,1176,979,327810,95,1191,1190,979,
+327878,95,1192,1189,979,327810,95,1193,1192,979,327808,95,
+791,1160,1191,327851,102,1194,1176,112,393385,95,1195,1194,
+979,112,327856,102,1196,791,1191,393385,95,1197,1196,116,
+112,327808,95,1198,1195,1197,327808,95,793,1161,1198,327808,
+95,795,1162,1193,327851,102,1199,1189,112,393385,95,1200,
+1199,979,112,327856,102,1201,795,1193,393385,95,1202,1201,
+116,112,327808,95,1203,1200,1202,327808,95,797,1163,1203,
+196855,1204,0,196859,112,1205,131320,1205,196855,1206,0,262394,
+1100,1207,1206,131320,1207,131321,1204,131320,1206,327808,95,1208,
+806,116,327850,102,1209,807,1208,393385,95,1210,1209,798,
+112,393385,95,1211,1209,800,112,131321,1204,131320,1204,458997,
+95,1212,798,1207,112,1206,458997,95,1213,800,1207,112,
+1206,458997,95,1214,802,1207,1210,1206,458997,95,1215,804,
+1207,1211,1206,327810,95,1216,807,1091,327850,102,1217,1216,
+112,196855,1218,0,262394,1217,1219,1220,131320,1220,327850,102,
+1221,1216,116,196855,1222,0,262394,1221,1223,1224,131320,1224,
+327850,102,1225,1216,115,393385,95,1226,1225,1090,112,131321,
+1222,131320,1223,131321,1222,131320,1222,458997,95,1227,1089,1223,
+1226,1224,131321,1218,131320,1219,131321,1218,131320,1218,458997,95,
+1228,1088,1219,1227,1222,327810,95,1229,1124,1091,327850,102,
+1230,1229,112,196855,1231,0,262394,1230,1232,1233,131320,1233,
+327850,102,1234,1229,116,196855,1235,0,262394,1234,1236,1237,
+131320,1237,327850,102,1238,1229,115,393385,95,1239,1238,1090,
+112,131321,1235,131320,1236,131321,1235,131320,1235,458997,95,1240,
+1089,1236,1239,1237,131321,1231,131320,1232,131321,1231,131320,1231,
+458997,95,1241,1088,1232,1240,1235,327878,95,1242,1228,1038,
+327810,95,1243,1242,1038,327878,95,1244,1241,1038,327810,95,
+1245,1244,1038,327808,95,799,1212,1243,327851,102,1246,1228,
+112,393385,95,1247,1246,1038,112,327856,102,1248,799,1243,
+393385,95,1249,1248,116,112,327808,95,1250,1247,1249,327808,
+95,801,1213,1250,327808,95,803,1214,1245,327851,102,1251,
+1241,112,393385,95,1252,1251,1038,112,327856,102,1253,803,
+1245,393385,95,1254,1253,116,112,327808,95,1255,1252,1254,
+327808,95,805,1215,1255,131321,783,131320,783,327808,95,809,
+808,325,131321,780,131320,811,131321,729,131320,729,458997,95,
+728,727,778,781,811,458997,95,731,730,778,784,811,
+458997,95,733,732,778,786,811,458997,95,735,734,778,
+788,811,458997,95,737,736,778,790,811,458997,95,739,
+738,778,792,811,458997,95,741,740,778,794,811,458997,
+95,743,742,778,796,811,458997,95,745,744,778,798,
+811,458997,95,747,746,778,800,811,458997,95,749,748,
+778,802,811,458997,95,751,750,778,804,811,458997,95,
+753,752,778,806,811,458817,134,1256,15,110,754,113,
+262205,95,755,1256,131321,726,131320,757,458832,96,1257,744,
+746,748,750,458832,96,1258,736,738,740,742,458832,96,
+1259,727,730,732,734,393296,99,1260,1259,1258,1257,393296,
+100,1261,1260,752,355,196855,1262,0,262394,322,1263,1264,
+131320,1264,131321,1262,131320,1263,327812,95,1265,115,235,327808,
+95,1266,1265,356,131321,1262,131320,1262,458997,95,1267,1266,
+1263,235,1264,196855,1268,0,1245435,307,1269,0,1270,1,
+1271,2,1272,3,1273,4,1274,5,1275,6,1276,7,
+1277,131320,1277,327874,95,1278,24,151,327879,95,1279,1278,
+116,327851,102,1280,1279,112,196855,1281,0,262394,1280,1282,
+1281,131320,1282,393281,142,1283,12,110,1267,262544,31,1284,
+1261,196670,1283,1284,131321,1281,131320,1281,131321,1268,131320,1276,
+327874,95,1285,24,136,327879,95,1286,1285,116,327851,102,
+1287,1286,112,196855,1288,0,262394,1287,1289,1288,131320,1289,
+393281,142,1290,11,110,1267,262544,31,1291,1261,196670,1290,
+1291,131321,1288,131320,1288,131321,1268,131320,1275,327874,95,1292,
+24,148,327879,95,1293,1292,116,327851,102,1294,1293,112,
+196855,1295,0,262394,1294,1296,1295,131320,1296,393281,142,1297,
+10,110,1267,262544,31,1298,1261,196670,1297,1298,131321,1295,
+131320,1295,131321,1268,131320,1274,327874,95,1299,24,146,327879,
+95,1300,1299,116,327851,102,1301,1300,112,196855,1302,0,
+262394,1301,1303,1302,131320,1303,393281,142,1304,9,110,1267,
+262544,31,1305,1261,196670,1304,1305,131321,1302,131320,1302,131321,
+1268,131320,1273,327874,95,1306,24,98,327879,95,1307,1306,
+116,327851,102,1308,1307,112,196855,1309,0,262394,1308,1310,
+1309,131320,1310,393281,142,1311,8,110,1267,262544,31,1312,
+1261,196670,1311,1312,131321,1309,131320,1309,131321,1268,131320,1272,
+327874,95,1313,24,115,327879,95,1314,1313,116,327851,102,
+1315,1314,112,196855,1316,0,262394,1315,1317,1316,131320,1317,
+393281,142,1318,7,110,1267,262544,31,1319,1261,196670,1318,
+1319,131321,1316,131320,1316,131321,1268,131320,1271,327874,95,1320,
+24,116,327879,95,1321,1320,116,327851,102,1322,1321,112,
+196855,1323,0,262394,1322,1324,1323,131320,1324,393281,142,1325,
+6,110,1267,262544,31,1326,1261,196670,1325,1326,131321,1323,
+131320,1323,131321,1268,131320,1270,327874,95,1327,24,112,327879,
+95,1328,1327,116,327851,102,1329,1328,112,196855,1330,0,
+262394,1329,1331,1330,131320,1331,393281,142,1332,5,110,1267,
+262544,31,1333,1261,196670,1332,1333,131321,1330,131320,1330,131321,
+1268,131320,1269,196670,198,1260,458817,134,1334,4,110,235,
+113,262205,95,1335,1334,131321,1336,131320,1336,458997,95,1337,
+112,1269,1338,1339,327856,102,1340,1337,98,262390,1341,1339,
+0,262394,1340,1339,1341,131320,1339,327812,95,1342,98,356,
+327808,95,1343,1342,1337,327745,97,1344,198,1337,262205,96,
+1345,1344,524353,140,1346,4,110,235,110,1343,262544,25,
+1347,1345,196670,1346,1347,327808,95,1338,1337,111,131321,1336,
+131320,1341,327850,102,1348,356,112,196855,1349,0,262394,1348,
+1350,1351,131320,1351,327879,95,1352,1335,139,327876,95,1353,
+752,175,327877,95,1354,1352,1353,131321,1349,131320,1350,327879,
+95,1355,1335,174,327877,95,1356,1355,752,131321,1349,131320,
+1349,458997,95,1357,1356,1350,1354,1351,196670,1334,1357,131321,
+1268,131320,1268,131321,329,131320,329,327808,95,357,356,111,
+131321,326,131320,359,131321,280,131320,280,458997,95,279,278,
+321,327,359,458997,95,282,281,321,330,359,458997,95,
+284,283,321,332,359,458997,95,286,285,321,334,359,
+458997,95,288,287,321,336,359,458997,95,290,289,321,
+338,359,458997,95,292,291,321,340,359,458997,95,294,
+293,321,342,359,458997,95,296,295,321,344,359,458997,
+95,298,297,321,346,359,458997,95,300,299,321,348,
+359,458997,95,302,301,321,350,359,458997,95,304,303,
+321,352,359,458997,95,306,305,321,354,359,327808,95,
+308,307,111,131321,277,131320,310,458817,140,1358,4,110,
+235,111,262205,25,1359,1358,262544,96,1360,1359,327761,95,
+1361,1360,0,327761,95,1362,1360,1,327761,95,1363,1360,
+2,327761,95,1364,1360,3,458817,134,1365,4,110,235,
+108,262205,95,1366,1365,327879,95,1367,1366,139,327874,95,
+1368,1366,175,458817,134,1369,4,110,235,114,262205,95,
+1370,1369,458817,134,1371,4,110,235,109,262205,95,1372,
+1371,131321,1373,131320,1373,458997,95,1374,1372,310,1375,1376,
+458997,95,1377,1370,310,1378,1376,458997,95,1379,1368,310,
+1380,1376,458997,95,1381,1367,310,1382,1376,458997,95,1383,
+1361,310,1384,1376,458997,95,1385,1362,310,1386,1376,458997,
+95,1387,1363,310,1388,1376,458997,95,1389,1364,310,1390,
+1376,458997,95,1391,75,310,1392,1376,327851,102,1393,1391,
+124,262390,1394,1376,0,262394,1393,1395,1394,131320,1395,327812,
+95,1396,1391,220,458817,134,1397,14,110,1391,108,262205,
+95,1398,1397,327812,95,1399,218,1398,327808,95,1400,1396,
+1399,262205,95,1401,1397,327808,95,1402,1400,1401,458817,134,
+1403,15,110,1391,111,262205,95,1404,1403,327817,95,1405,
+218,138,327874,95,1406,1404,1405,327879,95,1407,1406,116,
+327851,102,1408,1407,112,131321,1409,131320,1409,458997,95,1378,
+1377,1395,1410,1411,458997,95,1384,1383,1395,1412,1411,458997,
+95,1386,1385,1395,1413,1411,458997,95,1388,1387,1395,1414,
+1411,458997,95,1390,1389,1395,1415,1411,458997,95,1375,1374,
+1395,1416,1411,458997,95,1380,1379,1395,1417,1411,458997,95,
+1382,1381,1395,1418,1411,458997,101,1419,177,1395,1420,1411,
+458997,101,1421,177,1395,1422,1411,458997,95,1423,1400,1395,
+82,1411,327856,102,1424,1423,1402,262390,1425,1411,0,262394,
+1424,1426,1425,131320,1426,458817,162,1427,16,110,1423,110,
+262205,104,1428,1427,196855,1429,0,262394,165,1430,1429,131320,
+1430,458817,162,1431,17,110,1423,110,262205,104,1432,1431,
+458817,162,1433,17,110,1423,113,262205,104,1434,1433,458817,
+162,1435,17,110,1423,114,262205,104,1436,1435,131321,1429,
+131320,1429,458997,104,1437,164,1426,1436,1430,458997,104,1438,
+164,1426,1434,1430,458997,104,1439,164,1426,1432,1430,262268,
+157,1440,1428,327879,157,1441,1440,159,327851,160,1442,1441,
+159,262299,102,1443,1442,196855,1444,0,262394,1443,1445,1444,
+131320,1445,262268,157,1446,1439,327879,157,1447,1446,159,327851,
+160,1448,1447,159,262299,102,1449,1448,131321,1444,131320,1444,
+458997,102,1450,1443,1429,1449,1445,196855,1451,0,262394,1450,
+1452,1451,131320,1452,262268,157,1453,1438,327879,157,1454,1453,
+159,327851,160,1455,1454,159,262299,102,1456,1455,131321,1451,
+131320,1451,458997,102,1457,1450,1444,1456,1452,196855,1458,0,
+262394,1457,1459,1458,131320,1459,262268,157,1460,1437,327879,157,
+1461,1460,159,327851,160,1462,1461,159,262299,102,1463,1462,
+131321,1458,131320,1458,458997,102,1464,1457,1451,1463,1459,262312,
+102,1465,1464,393296,160,1466,1465,1465,1465,393385,104,1467,
+1466,164,1428,393385,104,1468,1466,164,1439,393385,104,1469,
+1466,164,1438,327809,104,83,1468,1469,327809,104,84,1467,
+83,327761,103,1470,84,0,327813,103,85,167,1470,327761,
+103,1471,84,1,327813,103,86,168,1471,327809,103,87,
+85,86,327761,103,1472,84,2,327813,103,88,169,1472,
+327809,103,89,87,88,262268,95,1473,89,196855,1474,0,
+196859,112,1475,131320,1475,327874,95,1476,1473,117,327879,95,
+1477,1476,118,327850,102,1478,1477,118,196855,1479,0,262394,
+1478,1480,1479,131320,1480,327879,95,1481,1473,119,327851,102,
+1482,1481,112,393385,95,1483,1482,121,112,327877,95,1484,
+1481,1483,327876,95,1485,1484,122,327876,95,1486,1485,112,
+131321,1474,131320,1479,327879,95,1487,1473,119,327851,102,1488,
+1477,112,393385,95,1489,1488,120,112,327877,95,1490,1487,
+1489,327874,95,1491,1490,126,327879,95,1492,1490,127,327812,
+95,1493,115,1491,327812,95,1494,1493,1492,327812,95,1495,
+1492,1492,327876,95,1496,1494,126,327808,95,1497,1495,1496,
+327812,95,1498,1491,1491,327876,95,1499,1498,128,327808,95,
+1500,1497,1499,327874,95,1501,1494,129,327874,95,1502,1498,
+130,327808,95,1503,1501,1502,327856,102,1504,1497,1495,393385,
+95,1505,1504,116,112,327808,95,1506,1503,1505,327856,102,
+1507,1500,1497,393385,95,1508,1507,116,112,327808,95,1509,
+1506,1508,393385,95,1510,1488,1477,116,327812,95,1511,115,
+1510,327808,95,1512,1511,131,327879,95,1513,1512,105,327810,
+95,1514,106,1513,327879,95,1515,1514,105,327874,95,1516,
+1512,109,327876,95,1517,1500,1513,327876,95,1518,1509,1513,
+327851,102,1519,1513,112,196855,1520,0,262394,1519,1521,1522,
+131320,1522,131321,1520,131320,1521,327874,95,1523,1500,1515,131321,
+1520,131320,1520,458997,95,1524,1523,1521,112,1522,327877,95,
+1525,1518,1524,196855,1526,0,262394,1519,1527,1528,131320,1528,
+131321,1526,131320,1527,327874,95,1529,1509,1515,131321,1526,131320,
+1526,458997,95,1530,1529,1527,112,1528,327851,102,1531,1530,
+112,196855,1532,0,262394,1531,1533,1534,131320,1534,327851,102,
+1535,1525,112,196855,1536,0,262394,1535,1537,1538,131320,1538,
+327851,102,1539,1517,112,393385,95,1540,1539,1516,112,131321,
+1536,131320,1537,327808,95,1541,1516,116,131321,1536,131320,1536,
+458997,95,1542,1541,1537,1540,1538,131321,1532,131320,1533,327808,
+95,1543,1516,115,131321,1532,131320,1532,458997,95,1544,1543,
+1533,1542,1536,131321,1474,131320,1474,458997,95,1545,1486,1480,
+1517,1532,458997,95,1546,116,1480,1525,1532,458997,95,1547,
+112,1480,1530,1532,458997,95,1548,195,1480,1516,1532,458997,
+95,1549,196,1480,1544,1532,196855,1550,0,262394,1408,1551,
+1552,131320,1552,131321,1550,131320,1551,327852,102,1553,1382,1549,
+393385,95,1554,1553,1382,1549,131321,1550,131320,1550,458997,95,
+1418,1554,1551,1382,1552,196855,1555,0,262394,1465,1556,1555,
+131320,1556,327808,95,1557,1380,116,458764,95,1558,1,38,
+1557,139,131321,1555,131320,1555,458997,95,1417,1380,1550,1558,
+1556,458817,134,1559,16,110,1423,111,262205,95,1560,1559,
+327879,95,1561,1560,115,327851,102,1562,1561,112,196855,1563,
+0,262394,1562,1564,1563,131320,1564,327808,95,1565,1375,111,
+131321,1563,131320,1563,458997,95,1416,1375,1555,1565,1564,196855,
+1566,0,262394,1408,1567,1566,131320,1567,196855,1568,0,196859,
+112,1569,131320,1569,327850,102,1570,1418,1382,196855,1571,0,
+262394,1570,1572,1571,131320,1572,131321,1568,131320,1571,327808,95,
+1573,1382,116,327850,102,1574,1418,1573,393385,95,1575,1574,
+1384,112,393385,95,1576,1574,1386,112,131321,1568,131320,1568,
+458997,95,1577,1384,1572,112,1571,458997,95,1578,1386,1572,
+112,1571,458997,95,1579,1388,1572,1575,1571,458997,95,1580,
+1390,1572,1576,1571,327810,95,1581,1418,1548,327850,102,1582,
+1581,112,196855,1583,0,262394,1582,1584,1585,131320,1585,327850,
+102,1586,1581,116,196855,1587,0,262394,1586,1588,1589,131320,
+1589,327850,102,1590,1581,115,393385,95,1591,1590,1547,112,
+131321,1587,131320,1588,131321,1587,131320,1587,458997,95,1592,1546,
+1588,1591,1589,131321,1583,131320,1584,131321,1583,131320,1583,458997,
+95,1593,1545,1584,1592,1587,327810,95,1594,1418,116,327810,
+95,1595,1594,1548,327850,102,1596,1595,112,196855,1597,0,
+262394,1596,1598,1599,131320,1599,327850,102,1600,1595,116,196855,
+1601,0,262394,1600,1602,1603,131320,1603,327850,102,1604,1595,
+115,393385,95,1605,1604,1547,112,131321,1601,131320,1602,131321,
+1601,131320,1601,458997,95,1606,1546,1602,1605,1603,131321,1597,
+131320,1598,131321,1597,131320,1597,458997,95,1607,1545,1598,1606,
+1601,327878,95,1608,1593,112,327810,95,1609,1608,112,327878,
+95,1610,1607,112,327810,95,1611,1610,112,327808,95,1612,
+1577,1609,327856,102,1613,1612,1609,393385,95,1614,1613,116,
+112,327808,95,1615,1578,1614,327808,95,1616,1579,1611,327856,
+102,1617,1616,1611,393385,95,1618,1617,116,112,327808,95,
+1619,1580,1618,131321,1566,131320,1566,458997,95,1412,1384,1563,
+1612,1597,458997,95,1413,1386,1563,1615,1597,458997,95,1414,
+1388,1563,1616,1597,458997,95,1415,1390,1563,1619,1597,196855,
+1620,0,262394,1408,1621,1620,131320,1621,262268,103,1622,1378,
+327866,102,1623,89,1622,131321,1620,131320,1620,458997,102,1624,
+1408,1566,1623,1621,393385,95,1410,1624,1473,1378,196855,1625,
+0,262394,178,1626,1625,131320,1626,131321,1411,131320,1625,262259,
+101,1627,89,327809,101,79,1421,1627,327813,101,80,1627,
+1627,327809,101,81,1419,80,131321,1411,131320,1411,458997,101,
+1420,1419,1626,81,1625,458997,101,1422,1421,1626,79,1625,
+327808,95,82,1423,111,131321,1409,131320,1425,196855,1628,0,
+262394,179,1629,1628,131320,1629,327813,101,90,1421,1421,262205,
+95,1630,1397,262256,101,1631,1630,327816,101,91,90,1631,
+327811,101,92,1419,91,262205,95,1632,201,327812,95,1633,
+1391,1632,327808,95,1634,1633,218,393228,132,1635,1,65,
+92,327812,95,1636,115,1634,327761,95,1637,1635,0,393281,
+134,1638,3,110,1636,196670,1638,1637,327808,95,1639,1636,
+116,327761,95,1640,1635,1,393281,134,1641,3,110,1639,
+196670,1641,1640,131321,1628,131320,1628,131321,1376,131320,1376,458817,
+134,1642,15,110,1391,113,262205,95,1392,1642,131321,1373,
+131320,1394,458832,96,1643,1383,1385,1387,1389,262544,25,1644,
+1643,196670,1358,1644,327876,95,1645,1379,175,327877,95,1646,
+1381,1645,196670,1365,1646,196670,1369,1377,196670,1371,1374,131321,
+199,131320,199,65789,65592,
+};
 
 /* shaders/arguments.comp
    sources: sha256 fc9b33f71bcada689eaafc1439c51e576e952bbc75316fbff47cb472a75d1e47
@@ -5226,6 +6351,492 @@ static const uint32_t hyk_spirv_points[] = {
 327808,215,7419,7418,7410,393558,215,7420,295,2,7402,327808,
 215,7421,7419,7420,393281,279,7422,24,238,7421,196670,7422,
 429,131321,7411,131320,7411,65789,65592,
+};
+
+/* shaders/resolve.comp
+   sources: sha256 fdd44476e22bc1d13af63b3d5a7105f8154e43fda4110ae5c68e7d6ae2efc656
+   5757 words */
+static const uint32_t hyk_spirv_resolve[] = {
+119734787,66816,524299,897,0,131089,1,131089,10,393227,1,1280527431,
+1685353262,808793134,0,196622,0,1,1376271,5,2,1852399981,0,3,
+4,5,6,7,8,9,10,11,12,13,14,15,
+16,17,18,393232,2,17,64,1,1,262215,19,6,
+4,262216,20,0,25,327752,20,0,35,0,196679,20,
+2,262215,3,34,0,262215,3,33,17,262215,21,1,
+0,327752,22,0,35,0,327752,22,1,35,4,327752,
+22,2,35,8,327752,22,3,35,12,262215,23,6,
+16,327752,24,0,35,0,327752,24,1,35,96,327752,
+24,2,35,112,327752,24,3,35,116,327752,24,4,
+35,120,327752,24,5,35,124,262215,25,6,128,327752,
+26,0,35,0,196679,26,2,262215,4,34,0,262215,
+4,33,5,262215,27,6,16,327752,28,0,35,0,
+327752,28,1,35,48,327752,28,2,35,52,262215,29,
+6,56,327752,30,0,35,0,196679,30,2,262215,5,
+34,0,262215,5,33,6,262215,31,6,56,327752,32,
+0,35,0,196679,32,2,262215,6,34,0,262215,6,
+33,7,262215,33,6,56,327752,34,0,35,0,196679,
+34,2,262215,7,34,0,262215,7,33,8,262215,35,
+6,56,327752,36,0,35,0,196679,36,2,262215,8,
+34,0,262215,8,33,9,262215,37,6,56,327752,38,
+0,35,0,196679,38,2,262215,9,34,0,262215,9,
+33,10,262215,39,6,56,327752,40,0,35,0,196679,
+40,2,262215,10,34,0,262215,10,33,11,262215,41,
+6,56,327752,42,0,35,0,196679,42,2,262215,11,
+34,0,262215,11,33,12,262215,43,6,56,327752,44,
+0,35,0,196679,44,2,262215,12,34,0,262215,12,
+33,13,327752,45,0,35,0,327752,45,1,35,12,
+327752,45,2,35,16,327752,45,3,35,28,327752,45,
+4,35,32,327752,45,5,35,44,327752,45,6,35,
+48,327752,45,7,35,60,327752,45,8,35,64,327752,
+45,9,35,68,327752,45,10,35,72,327752,45,11,
+35,76,327752,45,12,35,80,327752,45,13,35,84,
+327752,45,14,35,88,327752,45,15,35,92,327752,46,
+0,35,0,327752,46,1,35,4,327752,47,0,35,
+0,327752,47,1,35,96,327752,47,2,35,104,327752,
+47,3,35,108,327752,47,4,35,112,327752,47,5,
+35,116,327752,47,6,35,120,327752,47,7,35,124,
+327752,47,8,35,128,327752,47,9,35,132,327752,47,
+10,35,136,327752,47,11,35,140,262216,48,0,24,
+327752,48,0,35,0,196679,48,2,262215,13,34,0,
+262215,13,33,0,262215,49,6,4,327752,50,0,35,
+0,327752,50,1,35,4,262215,51,6,68,262216,52,
+0,24,327752,52,0,35,0,196679,52,2,262215,14,
+34,0,262215,14,33,16,327752,53,0,35,0,327752,
+53,1,35,4,327752,53,2,35,8,327752,53,3,
+35,12,327752,53,4,35,16,327752,53,5,35,20,
+327752,53,6,35,24,327752,53,7,35,28,327752,54,
+0,35,0,196679,54,2,327752,55,0,35,0,327752,
+55,1,35,4,327752,55,2,35,8,327752,55,3,
+35,12,262215,56,6,16,327752,57,0,35,0,196679,
+57,2,262215,16,34,0,262215,16,33,14,262215,17,
+11,28,262215,18,11,24,262215,58,11,25,196679,59,
+42,196679,60,42,196679,61,42,196679,62,42,196679,63,
+42,196679,64,42,196679,65,42,196679,66,42,196679,67,
+42,196679,68,42,196679,69,42,196679,70,42,196679,71,
+42,196679,72,42,196679,73,42,196679,74,42,196679,75,
+42,196679,76,42,196679,77,42,196679,78,42,196679,79,
+42,196679,80,42,196679,81,42,196679,82,42,196679,83,
+42,196679,84,42,196679,85,42,196679,86,42,196679,87,
+42,196679,88,42,196679,89,42,196679,90,42,196679,91,
+42,196679,92,42,196679,93,42,131091,94,196641,95,94,
+262165,96,32,0,196630,97,32,262167,98,97,3,1179678,
+99,98,96,98,97,98,97,98,97,97,97,97,
+96,96,96,97,97,262174,100,96,96,917534,101,99,
+100,96,96,96,96,96,96,96,96,96,96,196630,
+102,64,131092,103,393246,104,96,96,96,96,262187,96,
+105,3,262172,106,104,105,327710,107,106,96,96,262165,
+108,32,1,262167,109,102,3,262187,96,110,65535,262187,
+108,111,8,262187,96,112,16711935,262187,108,113,4,262187,
+96,114,252645135,262187,108,115,2,262187,96,116,858993459,262187,
+108,117,1,262187,96,118,1431655765,262187,108,119,3,262187,
+96,120,1,262187,108,121,5,262187,96,122,0,262167,
+123,96,2,196637,19,96,196638,20,19,262176,124,12,
+20,262203,124,3,12,262187,108,125,0,262187,96,126,
+2,262176,127,12,96,262194,96,21,0,262187,96,128,
+8,393246,22,96,96,96,96,262187,96,129,6,262172,
+23,22,129,524318,24,23,22,96,96,96,96,196637,
+25,24,196638,26,25,262176,130,12,26,262203,130,4,
+12,262187,96,131,16,262176,132,12,22,262172,27,22,
+105,327710,28,27,96,96,196637,29,28,196638,30,29,
+262176,133,12,30,262203,133,5,12,262176,134,12,28,
+196637,31,28,196638,32,31,262176,135,12,32,262203,135,
+6,12,196637,33,28,196638,34,33,262176,136,12,34,
+262203,136,7,12,196637,35,28,196638,36,35,262176,137,
+12,36,262203,137,8,12,262187,96,138,4,196637,37,
+28,196638,38,37,262176,139,12,38,262203,139,9,12,
+262187,96,140,5,196637,39,28,196638,40,39,262176,141,
+12,40,262203,141,10,12,196637,41,28,196638,42,41,
+262176,142,12,42,262203,142,11,12,262187,96,143,7,
+196637,43,28,196638,44,43,262176,144,12,44,262203,144,
+12,12,262187,108,145,4294966274,262187,108,146,1023,262187,108,
+147,20,327723,102,148,0,0,262187,108,149,32,262187,
+108,150,1152,327723,102,151,0,1106247680,1179678,45,98,96,
+98,97,98,97,98,97,97,97,97,96,96,96,
+97,97,262174,46,96,96,917534,47,45,46,96,96,
+96,96,96,96,96,96,96,96,196638,48,47,262176,
+152,12,48,262203,152,13,12,262172,49,96,131,262174,
+50,96,49,196637,51,50,196638,52,51,262176,153,12,
+52,262203,153,14,12,327723,102,154,0,1072693248,393260,109,
+155,148,148,148,327723,102,156,0,1071644672,655390,53,96,
+96,96,96,97,97,97,96,196638,54,53,262176,157,
+9,54,262203,157,15,9,262176,158,9,96,327723,102,
+159,1413754136,1074340347,262176,160,7,98,262176,161,9,97,262187,
+108,162,6,262176,163,7,97,327723,102,164,261134012,1070282362,
+327723,102,165,474164389,1072095979,327723,102,166,4274351453,1068661682,393246,55,
+96,96,96,96,196637,56,55,196638,57,56,262176,167,
+12,57,262203,167,16,12,262167,168,96,3,262176,169,
+1,168,262203,169,17,1,262176,170,1,96,262203,169,
+18,1,262187,96,171,64,262176,172,12,47,262187,96,
+173,32,262187,96,174,10,262187,96,175,15,262187,96,
+176,9,262187,96,177,2139095040,393260,168,58,171,120,120,
+196609,96,178,327734,94,2,0,95,131320,179,262203,160,
+180,7,196855,181,0,196859,122,182,131320,182,327745,170,
+183,17,120,262205,96,184,183,327745,170,185,18,122,
+262205,96,186,185,327812,96,187,184,186,327812,96,188,
+187,171,327745,170,189,17,122,262205,96,190,189,327808,
+96,191,188,190,393281,158,192,15,125,115,262205,96,
+193,192,393281,158,194,15,125,125,262205,96,195,194,
+327854,103,196,191,195,196855,197,0,262394,196,198,197,
+131320,198,131321,181,131320,197,327745,172,199,13,125,262205,
+47,200,199,262544,101,201,200,327761,96,202,201,3,
+327761,96,203,201,8,327761,96,204,201,9,327761,96,
+205,201,10,327810,96,206,205,203,327850,103,207,193,
+173,196855,208,0,262394,207,209,210,131320,210,327817,96,
+211,191,206,327808,96,212,203,211,327814,96,213,191,
+206,327808,96,214,204,213,327761,96,215,201,4,327761,
+96,216,201,5,327817,96,217,212,215,327814,96,218,
+202,215,327817,96,219,214,218,327851,103,220,216,122,
+196855,221,0,262394,220,222,223,131320,223,327812,96,224,
+219,215,327808,96,225,224,217,131321,221,131320,222,327879,
+96,226,217,110,327876,96,227,226,111,327877,96,228,
+226,227,327879,96,229,228,112,327876,96,230,229,113,
+327877,96,231,229,230,327879,96,232,231,114,327876,96,
+233,232,115,327877,96,234,232,233,327879,96,235,234,
+116,327876,96,236,235,117,327877,96,237,235,236,327879,
+96,238,237,118,327879,96,239,219,110,327876,96,240,
+239,111,327877,96,241,239,240,327879,96,242,241,112,
+327876,96,243,242,113,327877,96,244,242,243,327879,96,
+245,244,114,327876,96,246,245,115,327877,96,247,245,
+246,327879,96,248,247,116,327876,96,249,248,117,327877,
+96,250,248,249,327879,96,251,250,118,327876,96,252,
+251,117,327877,96,253,238,252,131321,221,131320,221,458997,
+96,254,253,222,225,223,327814,96,255,203,215,327810,
+96,256,205,120,327814,96,257,256,215,327810,96,258,
+257,255,327808,96,259,258,120,327814,96,260,214,218,
+327814,96,261,204,218,327810,96,262,260,261,327812,96,
+263,262,259,327814,96,264,212,215,327810,96,265,264,
+255,327808,96,266,263,265,327812,96,267,266,202,327808,
+96,268,267,254,131321,208,131320,209,131321,208,131320,208,
+458997,96,269,191,209,268,221,327814,96,270,269,202,
+458817,127,271,14,125,270,125,262205,96,272,271,327854,
+103,273,193,174,327858,103,274,193,175,327847,103,275,
+273,274,196855,276,0,262394,275,277,276,131320,277,196855,
+278,0,852219,193,279,10,280,11,281,12,282,13,
+283,14,284,131320,284,458817,127,285,16,125,269,119,
+262205,96,286,285,131321,278,131320,283,458817,127,287,16,
+125,269,115,262205,96,288,287,131321,278,131320,282,458817,
+127,289,16,125,269,117,262205,96,290,289,131321,278,
+131320,281,458817,127,291,16,125,269,125,262205,96,292,
+291,131321,278,131320,280,458817,127,293,4,125,269,121,
+262205,96,294,293,262256,102,295,294,327851,103,296,272,
+122,196855,297,0,262394,296,298,299,131320,299,131321,297,
+131320,298,262256,102,300,272,327816,102,301,295,300,262259,
+97,302,301,262268,96,303,302,131321,297,131320,297,458997,
+96,304,303,298,122,299,131321,278,131320,279,393281,127,
+305,13,125,119,262205,96,306,305,327814,96,307,269,
+306,327817,96,308,269,306,327817,96,309,308,131,524353,
+127,310,14,125,307,117,309,262205,96,311,310,131321,
+278,131320,278,983285,96,312,311,279,304,297,292,281,
+290,282,288,283,286,284,393281,127,313,3,125,191,
+196670,313,312,131321,181,131320,276,196855,314,0,721147,193,
+315,6,316,7,316,8,317,9,317,131320,317,458817,
+127,318,4,125,269,121,262205,96,319,318,131321,314,
+131320,316,131321,314,131320,315,393281,127,320,13,125,119,
+262205,96,321,320,327814,96,322,269,321,327817,96,323,
+269,321,327817,96,324,323,131,524353,127,325,14,125,
+322,117,324,262205,96,326,325,131321,314,131320,314,590069,
+96,327,326,315,272,316,319,317,196855,328,0,1245435,
+193,329,2,330,3,331,4,332,5,333,6,334,
+7,335,8,336,9,337,131320,337,131321,328,131320,336,
+131321,328,131320,335,131321,328,131320,334,131321,328,131320,333,
+393281,158,338,15,125,119,262205,96,339,338,327851,103,
+340,339,122,393385,108,341,340,111,119,262268,96,342,
+341,131321,328,131320,332,131321,328,131320,331,131321,328,131320,
+330,131321,328,131320,329,131321,328,131320,328,1376501,96,343,
+128,329,122,330,120,331,126,332,342,333,138,334,
+140,335,129,336,143,337,327851,103,344,327,122,196855,
+345,0,262394,344,346,347,131320,347,131321,345,131320,346,
+262256,102,348,327,131321,345,131320,345,458997,102,349,348,
+346,154,347,131321,350,131320,350,458997,96,351,178,345,
+352,353,458997,96,354,178,345,355,353,458997,96,356,
+178,345,357,353,458997,96,358,178,345,359,353,458997,
+96,360,178,345,361,353,458997,96,362,178,345,363,
+353,458997,96,364,178,345,365,353,458997,96,366,178,
+345,367,353,458997,96,368,178,345,369,353,458997,96,
+370,178,345,371,353,458997,96,372,178,345,373,353,
+458997,96,374,178,345,375,353,458997,96,376,178,345,
+377,353,458997,109,378,155,345,61,353,458997,96,379,
+122,345,62,353,327858,103,380,343,105,327850,103,381,
+343,128,327846,103,382,380,381,393385,96,383,382,126,
+120,327856,103,384,379,383,262390,385,353,0,262394,384,
+386,385,131320,386,196855,387,0,262394,380,388,389,131320,
+389,131321,387,131320,388,327812,96,390,126,269,327808,96,
+391,390,379,131321,387,131320,387,458997,96,392,391,388,
+269,389,196855,393,0,1245435,343,394,0,395,1,396,
+2,397,3,398,4,399,5,400,6,401,7,402,
+131320,402,327874,96,403,21,143,327879,96,404,403,120,
+327851,103,405,404,122,196855,406,0,262394,405,407,406,
+131320,407,393281,134,408,12,125,392,262205,28,409,408,
+262544,107,410,409,327761,106,411,410,0,327761,104,412,
+411,0,327761,96,413,412,0,327761,96,414,412,1,
+327761,96,415,412,2,327761,96,416,412,3,327761,104,
+417,411,1,327761,96,418,417,0,327761,96,419,417,
+1,327761,96,420,417,2,327761,96,421,417,3,327761,
+104,422,411,2,327761,96,423,422,0,327761,96,424,
+422,1,327761,96,425,422,2,327761,96,426,422,3,
+327761,96,427,410,1,131321,406,131320,406,458997,96,428,
+351,402,413,407,458997,96,429,354,402,414,407,458997,
+96,430,356,402,415,407,458997,96,431,358,402,416,
+407,458997,96,432,360,402,418,407,458997,96,433,362,
+402,419,407,458997,96,434,364,402,420,407,458997,96,
+435,366,402,421,407,458997,96,436,368,402,423,407,
+458997,96,437,370,402,424,407,458997,96,438,372,402,
+425,407,458997,96,439,374,402,426,407,458997,96,440,
+376,402,427,407,131321,393,131320,401,327874,96,441,21,
+129,327879,96,442,441,120,327851,103,443,442,122,196855,
+444,0,262394,443,445,444,131320,445,393281,134,446,11,
+125,392,262205,28,447,446,262544,107,448,447,327761,106,
+449,448,0,327761,104,450,449,0,327761,96,451,450,
+0,327761,96,452,450,1,327761,96,453,450,2,327761,
+96,454,450,3,327761,104,455,449,1,327761,96,456,
+455,0,327761,96,457,455,1,327761,96,458,455,2,
+327761,96,459,455,3,327761,104,460,449,2,327761,96,
+461,460,0,327761,96,462,460,1,327761,96,463,460,
+2,327761,96,464,460,3,327761,96,465,448,1,131321,
+444,131320,444,458997,96,466,351,401,451,445,458997,96,
+467,354,401,452,445,458997,96,468,356,401,453,445,
+458997,96,469,358,401,454,445,458997,96,470,360,401,
+456,445,458997,96,471,362,401,457,445,458997,96,472,
+364,401,458,445,458997,96,473,366,401,459,445,458997,
+96,474,368,401,461,445,458997,96,475,370,401,462,
+445,458997,96,476,372,401,463,445,458997,96,477,374,
+401,464,445,458997,96,478,376,401,465,445,131321,393,
+131320,400,327874,96,479,21,140,327879,96,480,479,120,
+327851,103,481,480,122,196855,482,0,262394,481,483,482,
+131320,483,393281,134,484,10,125,392,262205,28,485,484,
+262544,107,486,485,327761,106,487,486,0,327761,104,488,
+487,0,327761,96,489,488,0,327761,96,490,488,1,
+327761,96,491,488,2,327761,96,492,488,3,327761,104,
+493,487,1,327761,96,494,493,0,327761,96,495,493,
+1,327761,96,496,493,2,327761,96,497,493,3,327761,
+104,498,487,2,327761,96,499,498,0,327761,96,500,
+498,1,327761,96,501,498,2,327761,96,502,498,3,
+327761,96,503,486,1,131321,482,131320,482,458997,96,504,
+351,400,489,483,458997,96,505,354,400,490,483,458997,
+96,506,356,400,491,483,458997,96,507,358,400,492,
+483,458997,96,508,360,400,494,483,458997,96,509,362,
+400,495,483,458997,96,510,364,400,496,483,458997,96,
+511,366,400,497,483,458997,96,512,368,400,499,483,
+458997,96,513,370,400,500,483,458997,96,514,372,400,
+501,483,458997,96,515,374,400,502,483,458997,96,516,
+376,400,503,483,131321,393,131320,399,327874,96,517,21,
+138,327879,96,518,517,120,327851,103,519,518,122,196855,
+520,0,262394,519,521,520,131320,521,393281,134,522,9,
+125,392,262205,28,523,522,262544,107,524,523,327761,106,
+525,524,0,327761,104,526,525,0,327761,96,527,526,
+0,327761,96,528,526,1,327761,96,529,526,2,327761,
+96,530,526,3,327761,104,531,525,1,327761,96,532,
+531,0,327761,96,533,531,1,327761,96,534,531,2,
+327761,96,535,531,3,327761,104,536,525,2,327761,96,
+537,536,0,327761,96,538,536,1,327761,96,539,536,
+2,327761,96,540,536,3,327761,96,541,524,1,131321,
+520,131320,520,458997,96,542,351,399,527,521,458997,96,
+543,354,399,528,521,458997,96,544,356,399,529,521,
+458997,96,545,358,399,530,521,458997,96,546,360,399,
+532,521,458997,96,547,362,399,533,521,458997,96,548,
+364,399,534,521,458997,96,549,366,399,535,521,458997,
+96,550,368,399,537,521,458997,96,551,370,399,538,
+521,458997,96,552,372,399,539,521,458997,96,553,374,
+399,540,521,458997,96,554,376,399,541,521,131321,393,
+131320,398,327874,96,555,21,105,327879,96,556,555,120,
+327851,103,557,556,122,196855,558,0,262394,557,559,558,
+131320,559,393281,134,560,8,125,392,262205,28,561,560,
+262544,107,562,561,327761,106,563,562,0,327761,104,564,
+563,0,327761,96,565,564,0,327761,96,566,564,1,
+327761,96,567,564,2,327761,96,568,564,3,327761,104,
+569,563,1,327761,96,570,569,0,327761,96,571,569,
+1,327761,96,572,569,2,327761,96,573,569,3,327761,
+104,574,563,2,327761,96,575,574,0,327761,96,576,
+574,1,327761,96,577,574,2,327761,96,578,574,3,
+327761,96,579,562,1,131321,558,131320,558,458997,96,580,
+351,398,565,559,458997,96,581,354,398,566,559,458997,
+96,582,356,398,567,559,458997,96,583,358,398,568,
+559,458997,96,584,360,398,570,559,458997,96,585,362,
+398,571,559,458997,96,586,364,398,572,559,458997,96,
+587,366,398,573,559,458997,96,588,368,398,575,559,
+458997,96,589,370,398,576,559,458997,96,590,372,398,
+577,559,458997,96,591,374,398,578,559,458997,96,592,
+376,398,579,559,131321,393,131320,397,327874,96,593,21,
+126,327879,96,594,593,120,327851,103,595,594,122,196855,
+596,0,262394,595,597,596,131320,597,393281,134,598,7,
+125,392,262205,28,599,598,262544,107,600,599,327761,106,
+601,600,0,327761,104,602,601,0,327761,96,603,602,
+0,327761,96,604,602,1,327761,96,605,602,2,327761,
+96,606,602,3,327761,104,607,601,1,327761,96,608,
+607,0,327761,96,609,607,1,327761,96,610,607,2,
+327761,96,611,607,3,327761,104,612,601,2,327761,96,
+613,612,0,327761,96,614,612,1,327761,96,615,612,
+2,327761,96,616,612,3,327761,96,617,600,1,131321,
+596,131320,596,458997,96,618,351,397,603,597,458997,96,
+619,354,397,604,597,458997,96,620,356,397,605,597,
+458997,96,621,358,397,606,597,458997,96,622,360,397,
+608,597,458997,96,623,362,397,609,597,458997,96,624,
+364,397,610,597,458997,96,625,366,397,611,597,458997,
+96,626,368,397,613,597,458997,96,627,370,397,614,
+597,458997,96,628,372,397,615,597,458997,96,629,374,
+397,616,597,458997,96,630,376,397,617,597,131321,393,
+131320,396,327874,96,631,21,120,327879,96,632,631,120,
+327851,103,633,632,122,196855,634,0,262394,633,635,634,
+131320,635,393281,134,636,6,125,392,262205,28,637,636,
+262544,107,638,637,327761,106,639,638,0,327761,104,640,
+639,0,327761,96,641,640,0,327761,96,642,640,1,
+327761,96,643,640,2,327761,96,644,640,3,327761,104,
+645,639,1,327761,96,646,645,0,327761,96,647,645,
+1,327761,96,648,645,2,327761,96,649,645,3,327761,
+104,650,639,2,327761,96,651,650,0,327761,96,652,
+650,1,327761,96,653,650,2,327761,96,654,650,3,
+327761,96,655,638,1,131321,634,131320,634,458997,96,656,
+351,396,641,635,458997,96,657,354,396,642,635,458997,
+96,658,356,396,643,635,458997,96,659,358,396,644,
+635,458997,96,660,360,396,646,635,458997,96,661,362,
+396,647,635,458997,96,662,364,396,648,635,458997,96,
+663,366,396,649,635,458997,96,664,368,396,651,635,
+458997,96,665,370,396,652,635,458997,96,666,372,396,
+653,635,458997,96,667,374,396,654,635,458997,96,668,
+376,396,655,635,131321,393,131320,395,327874,96,669,21,
+122,327879,96,670,669,120,327851,103,671,670,122,196855,
+672,0,262394,671,673,672,131320,673,393281,134,674,5,
+125,392,262205,28,675,674,262544,107,676,675,327761,106,
+677,676,0,327761,104,678,677,0,327761,96,679,678,
+0,327761,96,680,678,1,327761,96,681,678,2,327761,
+96,682,678,3,327761,104,683,677,1,327761,96,684,
+683,0,327761,96,685,683,1,327761,96,686,683,2,
+327761,96,687,683,3,327761,104,688,677,2,327761,96,
+689,688,0,327761,96,690,688,1,327761,96,691,688,
+2,327761,96,692,688,3,327761,96,693,676,1,131321,
+672,131320,672,458997,96,694,351,395,679,673,458997,96,
+695,354,395,680,673,458997,96,696,356,395,681,673,
+458997,96,697,358,395,682,673,458997,96,698,360,395,
+684,673,458997,96,699,362,395,685,673,458997,96,700,
+364,395,686,673,458997,96,701,366,395,687,673,458997,
+96,702,368,395,689,673,458997,96,703,370,395,690,
+673,458997,96,704,372,395,691,673,458997,96,705,374,
+395,692,673,458997,96,706,376,395,693,673,131321,393,
+131320,394,327812,96,707,105,379,458817,127,708,4,125,
+269,115,262205,96,709,708,327812,96,710,131,379,327874,
+96,711,709,710,327879,96,712,711,110,524353,132,713,
+4,125,269,125,707,262205,22,714,713,327808,96,715,
+707,120,524353,132,716,4,125,269,125,715,262205,22,
+717,716,327808,96,718,707,126,524353,132,719,4,125,
+269,125,718,262205,22,720,719,262544,104,721,714,262544,
+104,722,717,262544,104,723,720,327761,96,724,721,0,
+327761,96,725,721,1,327761,96,726,721,2,327761,96,
+727,721,3,327761,96,728,722,0,327761,96,729,722,
+1,327761,96,730,722,2,327761,96,731,722,3,327761,
+96,732,723,0,327761,96,733,723,1,327761,96,734,
+723,2,327761,96,735,723,3,131321,393,131320,393,1376501,
+96,352,724,394,694,672,656,634,618,596,580,558,
+542,520,504,482,466,444,428,406,1376501,96,355,725,
+394,695,672,657,634,619,596,581,558,543,520,505,
+482,467,444,429,406,1376501,96,357,726,394,696,672,
+658,634,620,596,582,558,544,520,506,482,468,444,
+430,406,1376501,96,359,727,394,697,672,659,634,621,
+596,583,558,545,520,507,482,469,444,431,406,1376501,
+96,361,728,394,698,672,660,634,622,596,584,558,
+546,520,508,482,470,444,432,406,1376501,96,363,729,
+394,699,672,661,634,623,596,585,558,547,520,509,
+482,471,444,433,406,1376501,96,365,730,394,700,672,
+662,634,624,596,586,558,548,520,510,482,472,444,
+434,406,1376501,96,367,731,394,701,672,663,634,625,
+596,587,558,549,520,511,482,473,444,435,406,1376501,
+96,369,732,394,702,672,664,634,626,596,588,558,
+550,520,512,482,474,444,436,406,1376501,96,371,733,
+394,703,672,665,634,627,596,589,558,551,520,513,
+482,475,444,437,406,1376501,96,373,734,394,704,672,
+666,634,628,596,590,558,552,520,514,482,476,444,
+438,406,1376501,96,375,735,394,705,672,667,634,629,
+596,591,558,553,520,515,482,477,444,439,406,1376501,
+96,377,712,394,706,672,668,634,630,596,592,558,
+554,520,516,482,478,444,440,406,196855,736,0,196859,
+122,737,131320,737,327850,103,738,377,122,196855,739,0,
+262394,738,740,739,131320,740,131321,736,131320,739,262268,108,
+741,377,327810,108,742,741,117,327812,108,743,149,742,
+327810,108,744,743,150,327875,108,745,744,117,262268,108,
+746,355,262255,102,747,746,327813,102,65,747,151,262256,
+102,748,352,327809,102,66,65,748,262268,108,749,359,
+262255,102,750,749,327813,102,67,750,151,262256,102,751,
+357,327809,102,68,67,751,327813,102,69,66,151,327809,
+102,70,69,68,524300,108,752,1,45,745,145,146,
+327808,108,753,752,146,262268,96,754,753,327876,96,755,
+754,147,327760,123,756,122,755,393228,102,757,1,59,
+756,327813,102,71,70,757,327810,108,758,744,745,524300,
+108,759,1,45,758,145,146,327808,108,760,759,146,
+262268,96,761,760,327876,96,762,761,147,327760,123,763,
+122,762,393228,102,764,1,59,763,327813,102,72,71,
+764,131321,736,131320,736,458997,102,765,148,740,72,739,
+196855,766,0,196859,122,767,131320,767,196855,768,0,262394,
+738,769,768,131320,769,131321,766,131320,768,262268,108,770,
+377,327810,108,771,770,117,327812,108,772,149,771,327810,
+108,773,772,150,327875,108,774,773,117,262268,108,775,
+363,262255,102,776,775,327813,102,73,776,151,262256,102,
+777,361,327809,102,74,73,777,262268,108,778,367,262255,
+102,779,778,327813,102,75,779,151,262256,102,780,365,
+327809,102,76,75,780,327813,102,77,74,151,327809,102,
+78,77,76,524300,108,781,1,45,774,145,146,327808,
+108,782,781,146,262268,96,783,782,327876,96,784,783,
+147,327760,123,785,122,784,393228,102,786,1,59,785,
+327813,102,79,78,786,327810,108,787,773,774,524300,108,
+788,1,45,787,145,146,327808,108,789,788,146,262268,
+96,790,789,327876,96,791,790,147,327760,123,792,122,
+791,393228,102,793,1,59,792,327813,102,80,79,793,
+131321,766,131320,766,458997,102,794,148,769,80,768,196855,
+795,0,196859,122,796,131320,796,196855,797,0,262394,738,
+798,797,131320,798,131321,795,131320,797,262268,108,799,377,
+327810,108,800,799,117,327812,108,801,149,800,327810,108,
+802,801,150,327875,108,803,802,117,262268,108,804,371,
+262255,102,805,804,327813,102,81,805,151,262256,102,806,
+369,327809,102,82,81,806,262268,108,807,375,262255,102,
+808,807,327813,102,83,808,151,262256,102,809,373,327809,
+102,84,83,809,327813,102,85,82,151,327809,102,86,
+85,84,524300,108,810,1,45,803,145,146,327808,108,
+811,810,146,262268,96,812,811,327876,96,813,812,147,
+327760,123,814,122,813,393228,102,815,1,59,814,327813,
+102,87,86,815,327810,108,816,802,803,524300,108,817,
+1,45,816,145,146,327808,108,818,817,146,262268,96,
+819,818,327876,96,820,819,147,327760,123,821,122,820,
+393228,102,822,1,59,821,327813,102,88,87,822,131321,
+795,131320,795,458997,102,823,148,798,88,797,393296,109,
+824,765,794,823,196855,825,0,262394,381,826,825,131320,
+826,327813,102,59,156,349,393296,109,827,59,59,59,
+327816,109,60,824,827,131321,825,131320,825,458997,109,828,
+824,795,60,826,327809,109,61,378,828,131321,353,131320,
+353,327808,96,62,379,117,131321,350,131320,385,196855,829,
+0,262394,381,830,831,131320,831,393296,109,832,349,349,
+349,327816,109,64,378,832,131321,829,131320,830,327822,109,
+63,378,156,131321,829,131320,829,458997,109,833,63,830,
+64,831,327846,103,834,344,381,393385,109,835,834,833,
+155,327850,103,836,193,176,196855,837,0,262394,836,838,
+839,131320,839,196855,840,0,262394,207,841,842,131320,842,
+327850,103,843,193,140,196855,844,0,262394,843,845,844,
+131320,845,393281,158,846,15,125,119,262205,96,847,846,
+327851,103,848,847,122,131321,844,131320,844,458997,103,849,
+843,842,848,845,196855,850,0,262394,849,851,850,131320,
+851,327822,109,852,835,159,131321,850,131320,850,458997,109,
+853,835,844,852,851,262259,98,854,853,196670,180,854,
+327858,103,855,193,138,196855,856,0,262394,855,857,856,
+131320,857,262205,98,858,180,393281,161,859,15,125,113,
+262205,97,860,859,393281,161,861,15,125,121,262205,97,
+862,861,393281,161,863,15,125,162,262205,97,864,863,
+393296,98,865,860,862,864,327813,98,866,858,865,196670,
+180,866,131321,856,131320,856,131321,867,131320,867,458997,96,
+868,122,856,869,870,327856,103,871,868,105,262390,872,
+870,0,262394,871,870,872,131320,870,327812,96,873,105,
+191,327808,96,874,873,868,327745,163,875,180,868,262205,
+97,876,875,262268,96,877,876,393281,127,878,3,125,
+874,196670,878,877,327808,96,869,868,117,131321,867,131320,
+872,131321,840,131320,841,327761,102,879,835,0,327813,102,
+89,164,879,327761,102,880,835,1,327813,102,90,165,
+880,327809,102,91,89,90,327761,102,881,835,2,327813,
+102,92,166,881,327809,102,93,91,92,393228,123,882,
+1,65,93,327812,96,883,126,191,327761,96,884,882,
+0,393281,127,885,3,125,883,196670,885,884,327808,96,
+886,883,120,327761,96,887,882,1,393281,127,888,3,
+125,886,196670,888,887,131321,840,131320,840,131321,837,131320,
+838,196855,889,0,262394,344,890,891,131320,891,131321,889,
+131320,890,327761,102,892,835,0,262259,97,893,892,262268,
+96,894,893,131321,889,131320,889,458997,96,895,894,890,
+177,891,393281,127,896,3,125,191,196670,896,895,131321,
+837,131320,837,131321,181,131320,181,65789,65592,
 };
 
 /* shaders/scan_apply.comp
@@ -22771,21 +24382,30 @@ HYI_FN hydra_result hyi_vk_make_set_layout(hyi_vk *vk, uint32_t storage, uint32_
     return HYDRA_OK;
 }
 
-HYI_FN hydra_result hyi_vk_make_layouts(hyi_vk *vk) {
-    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_SCENE_BINDINGS, HYI_VK_TEXEL_BUFFERS, &vk->scene_layout));
-    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_PASS_BINDINGS, 0, &vk->pass_layout));
-    VkDescriptorSetLayout sets[2] = { vk->scene_layout, vk->pass_layout };
-    VkPushConstantRange push = { VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(hyk_dispatch) };
+HYI_FN hydra_result hyi_vk_make_layout(hyi_vk *vk, const VkDescriptorSetLayout *sets, uint32_t set_count, uint32_t push_bytes, VkPipelineLayout *layout) {
+    VkPushConstantRange push = { VK_SHADER_STAGE_COMPUTE_BIT, 0, push_bytes };
     VkPipelineLayoutCreateInfo info;
     memset(&info, 0, sizeof info);
     info.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-    info.setLayoutCount = 2;
+    info.setLayoutCount = set_count;
     info.pSetLayouts = sets;
     info.pushConstantRangeCount = 1;
     info.pPushConstantRanges = &push;
-    HYI_VK_MAKE(vk, "vkCreatePipelineLayout", CreatePipelineLayout(vk->device, &info, vk->desc.allocation, &vk->layout), vk->layout);
+    HYI_VK_MAKE(vk, "vkCreatePipelineLayout", CreatePipelineLayout(vk->device, &info, vk->desc.allocation, layout), *layout);
     return HYDRA_OK;
 }
+
+/* Kernels over films have sets of their own, so that no stage needs the storage buffers of both. */
+HYI_FN hydra_result hyi_vk_make_layouts(hyi_vk *vk) {
+    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_SCENE_BINDINGS, HYI_VK_TEXEL_BUFFERS, &vk->scene_layout));
+    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_PASS_BINDINGS, 0, &vk->pass_layout));
+    HYI_TRY(hyi_vk_make_set_layout(vk, HYK_FILM_BINDINGS, 0, &vk->film_set_layout));
+    VkDescriptorSetLayout sets[2] = { vk->scene_layout, vk->pass_layout };
+    HYI_TRY(hyi_vk_make_layout(vk, sets, 2, sizeof(hyk_dispatch), &vk->layout));
+    return hyi_vk_make_layout(vk, &vk->film_set_layout, 1, sizeof(hyk_film_call), &vk->film_layout);
+}
+
+HYI_FN bool hyi_vk_kernel_is_of_films(hyi_vk_kernel kernel) { return kernel == HYI_VK_KERNEL_accumulate || kernel == HYI_VK_KERNEL_resolve; }
 
 /* A cache that does not fit the device is the driver's to refuse: an empty one then. */
 HYI_FN hydra_result hyi_vk_make_cache(hyi_vk *vk) {
@@ -22899,7 +24519,7 @@ HYI_FN hydra_result hyi_vk_build_pipeline(hyi_vk *vk, hyi_vk_pipeline *p) {
     info.stage.module = module;
     info.stage.pName = "main";
     info.stage.pSpecializationInfo = &constants;
-    info.layout = vk->layout;
+    info.layout = hyi_vk_kernel_is_of_films(p->kernel) ? vk->film_layout : vk->layout;
     VkResult result = vk->f.CreateComputePipelines(vk->device, vk->cache, 1, &info, vk->desc.allocation, &p->pipeline);
     vk->f.DestroyShaderModule(vk->device, module, vk->desc.allocation);
     return hyi_vk_result(vk, result, "vkCreateComputePipelines");
@@ -22947,6 +24567,8 @@ HYI_FN void hyi_vk_free_pipelines(hyi_vk *vk) {
     vk->pipelines = NULL;
     if (vk->cache) vk->f.DestroyPipelineCache(vk->device, vk->cache, vk->desc.allocation);
     if (vk->layout) vk->f.DestroyPipelineLayout(vk->device, vk->layout, vk->desc.allocation);
+    if (vk->film_layout) vk->f.DestroyPipelineLayout(vk->device, vk->film_layout, vk->desc.allocation);
+    if (vk->film_set_layout) vk->f.DestroyDescriptorSetLayout(vk->device, vk->film_set_layout, vk->desc.allocation);
     if (vk->pass_layout) vk->f.DestroyDescriptorSetLayout(vk->device, vk->pass_layout, vk->desc.allocation);
     if (vk->scene_layout) vk->f.DestroyDescriptorSetLayout(vk->device, vk->scene_layout, vk->desc.allocation);
 }
@@ -23113,6 +24735,44 @@ HYI_FN hydra_result hyi_vk_wait(hyi_vk *vk, hyi_vk_commands *c, double *seconds)
     for (uint32_t i = 0; i < count; i++) *seconds += between[i];
     if (!count) *seconds = hyi_seconds() - c->submitted;
     return HYDRA_OK;
+}
+
+/* Before what it uses goes: a wait for it may have failed. */
+HYI_FN void hyi_vk_drain(hyi_vk *vk, hyi_vk_commands *c) {
+    if (c->in_flight) (void)vk->f.WaitForFences(vk->device, 1, &c->fence, VK_TRUE, UINT64_MAX);
+}
+
+/* ---- what moves between host and device */
+
+/* Copies into a buffer of the device. */
+HYI_FN hydra_result hyi_vk_send(hyi_vk *vk, hyi_vk_buffer *to, const void *from, size_t bytes) {
+    hyi_vk_buffer stage;
+    hyi_vk_commands commands;
+    double seconds;
+    if (bytes && to->mapped) memcpy(to->mapped, from, bytes);
+    if (!bytes || to->mapped) return HYDRA_OK;
+    memset(&stage, 0, sizeof stage);
+    memset(&commands, 0, sizeof commands);
+    hydra_result result = hyi_vk_make_buffer(vk, &stage, HYI_VK_UPLOAD, bytes, "an upload");
+    if (result == HYDRA_OK) result = hyi_vk_make_commands(vk, &commands);
+    if (result == HYDRA_OK) result = hyi_vk_begin(vk, &commands);
+    if (result == HYDRA_OK) {
+        memcpy(stage.mapped, from, bytes);
+        hyi_vk_copy(vk, &commands, &stage, to, bytes);
+        hyi_vk_barrier(vk, &commands);
+        result = hyi_vk_submit(vk, &commands);
+    }
+    if (result == HYDRA_OK) result = hyi_vk_wait(vk, &commands, &seconds);
+    hyi_vk_free_commands(vk, &commands);
+    hyi_vk_free_buffer(vk, &stage);
+    return result;
+}
+
+/* The host has taken bytes of what the device made. */
+HYI_FN void hyi_vk_count_read(hyi_vk *vk, uint64_t bytes) {
+    hyi_vk_acquire(&vk->shared);
+    vk->bytes_read += bytes;
+    hyi_vk_release(&vk->shared);
 }
 
 #endif /* HYI_VK_SUBMIT_H */
@@ -23979,12 +25639,394 @@ HYI_FN hydra_result hyi_vk_commit(hydra_scene *scene, uint32_t dirty) {
 
 #endif /* HYI_VK_SCENE_H */
 
+/* >>vk-film: a render's film on the device
+
+   Where it fits, samples are added up where they are made: accumulate.comp adds a batch to the same integer sums as
+   hyi_film_add, so the film's bits are those that the host would have made of the same samples. The host keeps what is known
+   of tiles, and of adaptive ones gets the scatter of each pixel's samples. Its own sums are brought up to date when somebody
+   asks for them (hyi_vk_sync_film); until then the device is ahead, and should it be lost, the film is again what it was when
+   both last agreed. */
+#ifndef HYI_VK_FILM_H
+#define HYI_VK_FILM_H
+
+HYI_STATIC_ASSERT(sizeof(hyk_pixel) == sizeof(hyi_pixel) && sizeof(hyk_sum3) == sizeof(hyi_sum3) && sizeof(hyk_ids) == sizeof(hyi_ids));
+HYI_STATIC_ASSERT((int)HYK_PLANES == (int)HYI_PLANE_COUNT && HYK_FILM_GROUPS == HYI_GROUPS && (int)HYK_PLANE_DEPTH == (int)HYI_PLANE_DEPTH);
+HYI_STATIC_ASSERT((int)HYK_RESOLVE_POSITION == (int)HYDRA_POSITION && (int)HYK_RESOLVE_SAMPLES == (int)HYDRA_SAMPLES);
+HYI_STATIC_ASSERT(HYK_FILM_BINDINGS <= HYI_VK_STORAGE_BUFFERS && HYK_RESOLVE_LUMINANCE > HYDRA_OUTPUT_COUNT);
+
+#define HYI_VK_FILM_SHARE 4u /* of the device's memory, or of the cap on it, the film may take one part in so many */
+#define HYI_VK_GROUPS_ACROSS 1024u /* a dispatch of more workgroups has rows of so many: 65535 a side are promised */
+
+/* What host and device last agreed on, beside the sums. */
+typedef struct hyi_vk_agreed {
+    hyi_tile *tiles;
+    float *weights; /* where there is a target */
+    uint32_t stage, weighed_stage;
+    double brightness;
+} hyi_vk_agreed;
+
+typedef struct hyi_vk_film {
+    bool here;  /* on the device; else samples come back (passes.h) */
+    bool blank; /* nothing was ever in it: it need not be sent */
+    bool stale; /* the host's was changed: it is sent before anything is added */
+    bool ahead; /* it has samples that the host's has not */
+    hyi_vk_buffer pixels, planes[HYI_PLANE_COUNT], ids, placed, tiles;
+    hyi_vk_buffer luminance, told_luminance; /* where there is a target; the latter where the host does not see the device's memory */
+    hyi_vk_commands commands; /* for all but batches */
+    hyi_vk_set set;
+    VkPipeline accumulate;
+    hyi_vk_agreed agreed;
+    uint32_t *last_unit; /* of each tile in the batch that is linked */
+} hyi_vk_film;
+
+/* A buffer of the film, and where the host has the same. */
+typedef struct hyi_vk_film_part {
+    hyi_vk_buffer *buffer;
+    void *host;
+    size_t bytes;
+} hyi_vk_film_part;
+#define HYI_VK_FILM_PARTS (HYI_PLANE_COUNT + 2)
+
+HYI_FN uint32_t hyi_vk_film_parts(hyi_vk_film *f, const hyi_film *film, hyi_vk_film_part parts[HYI_VK_FILM_PARTS]) {
+    uint32_t count = 0;
+    size_t pixels = hyi_film_pixel_count(film);
+    parts[count].buffer = &f->pixels;
+    parts[count].host = film->pixels;
+    parts[count++].bytes = pixels * sizeof(hyi_pixel);
+    for (int p = 0; p < HYI_PLANE_COUNT; p++) {
+        if (!(film->planes_wanted >> p & 1u)) continue;
+        parts[count].buffer = &f->planes[p];
+        parts[count].host = film->planes[p];
+        parts[count++].bytes = hyi_plane_sums(film, p) * sizeof(hyi_sum3);
+    }
+    parts[count].buffer = &f->ids;
+    parts[count].host = film->ids;
+    parts[count++].bytes = film->ids_wanted ? pixels * sizeof(hyi_ids) : 0;
+    return count;
+}
+
+/* ---- creation */
+
+/* No binding is too small for it, and it leaves most of the memory to others. */
+HYI_FN bool hyi_vk_film_fits(const hyi_vk *vk, hyi_vk_film *f, const hyi_film *film) {
+    hyi_vk_film_part parts[HYI_VK_FILM_PARTS];
+    uint32_t count = hyi_vk_film_parts(f, film, parts);
+    uint64_t most = hyi_vk_largest_heap(&vk->memory), bytes = 0;
+    if (vk->desc.memory_cap && vk->desc.memory_cap < most) most = vk->desc.memory_cap;
+    for (uint32_t i = 0; i < count; i++) {
+        if (parts[i].bytes > vk->limits.maxStorageBufferRange) return false;
+        bytes += parts[i].bytes;
+    }
+    return bytes <= most / HYI_VK_FILM_SHARE;
+}
+
+/* On processors that pose as devices samples are the host's already, and it adds them up faster (bench/vulkan). */
+HYI_FN bool hyi_vk_film_is_wanted(const hyi_vk *vk, hyi_vk_film *f, const hyi_film *film) {
+    if (vk->desc.film != HYDRA_VK_FILM_AUTO) return vk->desc.film == HYDRA_VK_FILM_DEVICE;
+    return vk->type != HYDRA_VK_DEVICE_CPU && hyi_vk_film_fits(vk, f, film);
+}
+
+HYI_FN hydra_result hyi_vk_send_placed(hyi_vk *vk, hyi_vk_film *f, const hydra_scene *scene) {
+    hyk_placed_ids *ids;
+    HYI_TRY(hyi_vk_make_buffer(vk, &f->placed, HYI_VK_DEVICE, scene->placed_count * sizeof *ids, "instances of the film"));
+    HYI_TRY(hyi_alloc_array(vk->context, &ids, scene->placed_count));
+    for (size_t i = 0; i < scene->placed_count; i++) {
+        ids[i].instance = scene->placed_ids[i];
+        ids[i].mesh = scene->placed[i].mesh + 1;
+    }
+    hydra_result result = hyi_vk_send(vk, &f->placed, ids, scene->placed_count * sizeof *ids);
+    hyi_free_array(vk->context, &ids, scene->placed_count);
+    return result;
+}
+
+HYI_FN uint32_t hyi_vk_film_features(const hyi_film *film) { return film->planes_wanted | (film->ids_wanted ? HYK_FILM_HAS_IDS : 0u); }
+
+HYI_FN hydra_result hyi_vk_make_luminance(hyi_vk *vk, hyi_vk_film *f, size_t bytes) {
+    HYI_TRY(hyi_vk_make_buffer(vk, &f->luminance, HYI_VK_DEVICE, bytes, "the film's luminance"));
+    return f->luminance.mapped ? HYDRA_OK : hyi_vk_make_buffer(vk, &f->told_luminance, HYI_VK_READBACK, bytes, "the film's luminance");
+}
+
+HYI_FN hydra_result hyi_vk_make_film(hydra_render *render, hyi_vk *vk, hyi_vk_film *f) {
+    const hyi_film *film = &render->film;
+    hyi_vk_film_part parts[HYI_VK_FILM_PARTS];
+    hyi_vk_shape shape;
+    f->here = hyi_vk_film_is_wanted(vk, f, film);
+    if (!f->here) return HYDRA_OK;
+    f->blank = f->stale = true;
+    uint32_t count = hyi_vk_film_parts(f, film, parts);
+    for (uint32_t i = 0; i < count; i++) HYI_TRY(hyi_vk_make_buffer(vk, parts[i].buffer, HYI_VK_DEVICE, parts[i].bytes, "the film"));
+    for (int p = 0; p < HYI_PLANE_COUNT; p++) /* bound, not used */
+        if (!f->planes[p].buffer) HYI_TRY(hyi_vk_make_buffer(vk, &f->planes[p], HYI_VK_DEVICE, 0, "the film"));
+    HYI_TRY(hyi_vk_make_buffer(vk, &f->tiles, HYI_VK_DEVICE, hyi_film_tile_count(film) * sizeof(hyk_film_tile), "tiles of the film"));
+    if (render->schedule.weights) HYI_TRY(hyi_vk_make_luminance(vk, f, hyi_film_pixel_count(film) * sizeof(double)));
+    HYI_TRY(hyi_vk_send_placed(vk, f, render->scene));
+    HYI_TRY(hyi_vk_make_commands(vk, &f->commands));
+    HYI_TRY(hyi_vk_make_set(vk, vk->film_set_layout, HYK_FILM_BINDINGS, 0, &f->set));
+    HYI_TRY(hyi_alloc_array(vk->context, &f->last_unit, hyi_film_tile_count(film)));
+    memset(f->last_unit, 0, hyi_film_tile_count(film) * sizeof *f->last_unit);
+    HYI_TRY(hyi_alloc_array(vk->context, &f->agreed.tiles, hyi_film_tile_count(film)));
+    if (render->schedule.weights) HYI_TRY(hyi_alloc_array(vk->context, &f->agreed.weights, hyi_film_pixel_count(film)));
+    memset(&shape, 0, sizeof shape);
+    shape.features = hyi_vk_film_features(film);
+    shape.mode = render->schedule.weights != NULL;
+    shape.wants = render->picture.kernel.settings.wants;
+    return hyi_vk_get_pipeline(vk, HYI_VK_KERNEL_accumulate, &shape, &f->accumulate);
+}
+
+HYI_FN void hyi_vk_free_film(hydra_render *render, hyi_vk *vk, hyi_vk_film *f) {
+    const hyi_film *film = &render->film;
+    hyi_vk_free_commands(vk, &f->commands);
+    hyi_vk_free_set(vk, &f->set);
+    hyi_vk_free_buffer(vk, &f->pixels);
+    for (int p = 0; p < HYI_PLANE_COUNT; p++) hyi_vk_free_buffer(vk, &f->planes[p]);
+    hyi_vk_free_buffer(vk, &f->ids);
+    hyi_vk_free_buffer(vk, &f->placed);
+    hyi_vk_free_buffer(vk, &f->tiles);
+    hyi_vk_free_buffer(vk, &f->luminance);
+    hyi_vk_free_buffer(vk, &f->told_luminance);
+    hyi_free_array(vk->context, &f->last_unit, hyi_film_tile_count(film));
+    hyi_free_array(vk->context, &f->agreed.tiles, hyi_film_tile_count(film));
+    hyi_free_array(vk->context, &f->agreed.weights, hyi_film_pixel_count(film));
+}
+
+/* The film's own bindings; others are the batch's. */
+HYI_FN void hyi_vk_bind_film(const hyi_vk_film *f, const hyi_vk_buffer *picture, hyi_vk_buffer bound[HYK_FILM_BINDINGS]) {
+    for (uint32_t i = 0; i < HYK_FILM_BINDINGS; i++) bound[i] = f->tiles;
+    bound[HYK_BINDING_FILM_PICTURE] = *picture;
+    bound[HYK_BINDING_FILM_PIXELS] = f->pixels;
+    for (int p = 0; p < HYI_PLANE_COUNT; p++) bound[HYK_BINDING_FILM_PLANES + p] = f->planes[p];
+    bound[HYK_BINDING_FILM_IDS] = f->ids;
+    bound[HYK_BINDING_FILM_PLACED] = f->placed;
+}
+
+/* ---- units of a batch */
+
+/* The list of each tile's units. */
+HYI_FN void hyi_vk_link_units(const hydra_render *render, hyi_vk_film *f, const hyk_unit *units, const uint32_t *tiles, uint32_t count, hyk_film_unit *chains) {
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t last = f->last_unit[tiles[i]]; /* of an earlier batch, unless what stands there is of this tile */
+        bool follows = last < i && tiles[last] == tiles[i];
+        chains[i].tile = tiles[i];
+        chains[i].open = ~render->film.tiles[tiles[i]].closed & HYI_ALL_GROUPS;
+        chains[i].next = HYK_NONE;
+        chains[i].flags = (follows ? 0u : HYK_FILM_FIRST) | (units[i].first_sample == render->film.first_sample ? HYK_FILM_IDS : 0u);
+        if (follows) chains[last].next = i;
+        f->last_unit[tiles[i]] = i;
+    }
+}
+
+HYI_FN void hyi_vk_record_accumulate(hyi_vk *vk, const hyi_vk_film *f, hyi_vk_commands *c, const hyi_vk_set *set, uint32_t units, uint32_t lanes_of_unit, uint32_t tile_pixels) {
+    hyk_film_call call;
+    memset(&call, 0, sizeof call);
+    call.count = units;
+    call.lanes_of_unit = lanes_of_unit;
+    vk->f.CmdBindDescriptorSets(c->buffer, VK_PIPELINE_BIND_POINT_COMPUTE, vk->film_layout, 0, 1, &set->set, 0, NULL);
+    vk->f.CmdPushConstants(c->buffer, vk->film_layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof call, &call);
+    vk->f.CmdBindPipeline(c->buffer, VK_PIPELINE_BIND_POINT_COMPUTE, f->accumulate);
+    vk->f.CmdDispatch(c->buffer, (units * tile_pixels + HYK_GROUP - 1) / HYK_GROUP, 1, 1);
+}
+
+/* How many pixels of a tile lie in the region. */
+HYI_FN uint32_t hyi_vk_pixels_inside(const hyi_film *film, uint32_t tile) {
+    uint32_t x = hyi_tile_left(film, tile), y = hyi_tile_top(film, tile), x1 = x + film->tile_width, y1 = y + film->tile_height;
+    x = x > film->left ? x : film->left;
+    y = y > film->top ? y : film->top;
+    x1 = x1 < film->right ? x1 : film->right;
+    y1 = y1 < film->bottom ? y1 : film->bottom;
+    return (x1 - x) * (y1 - y);
+}
+
+/* scatters: of a unit's pixels, as accumulate.comp tells them; NULL where nothing is judged. */
+HYI_FN void hyi_vk_count_unit(hydra_render *render, uint32_t tile, const hyk_unit *unit, const double *scatters) {
+    const hyi_film *film = &render->film;
+    double judgement[HYI_GROUPS] = { 0.0 };
+    for (uint32_t p = 0; scatters && p < film->tile_pixels; p++) {
+        uint32_t x = hyi_pixel_left(film, tile, p), y = hyi_pixel_top(film, tile, p);
+        if (x < film->left || x >= film->right || y < film->top || y >= film->bottom) continue;
+        double weight = (double)render->schedule.weights[(size_t)tile * film->tile_pixels + p];
+        judgement[hyi_group_of(p)] += weight * weight * hyi_variance_of(scatters[p], unit->samples);
+    }
+    hyi_count_unit(render, &render->film.tiles[tile], unit, judgement);
+}
+
+/* ---- up and down */
+
+HYI_FN bool hyi_vk_parts_are_mapped(const hyi_vk_film_part *parts, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++)
+        if (!parts[i].buffer->mapped) return false;
+    return true;
+}
+
+/* Between the film's buffers and one stage, part after part. */
+HYI_FN hydra_result hyi_vk_move_parts(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count, const hyi_vk_buffer *stage, bool up) {
+    double seconds;
+    VkDeviceSize at = 0;
+    HYI_TRY(hyi_vk_begin(vk, c));
+    for (uint32_t i = 0; i < count; i++) {
+        VkBufferCopy region = { up ? at : 0, up ? 0 : at, parts[i].bytes };
+        at += parts[i].bytes;
+        if (!parts[i].bytes) continue;
+        vk->f.CmdCopyBuffer(c->buffer, up ? stage->buffer : parts[i].buffer->buffer, up ? parts[i].buffer->buffer : stage->buffer, 1, &region);
+    }
+    if (up) hyi_vk_barrier(vk, c);
+    else hyi_vk_barrier_to_host(vk, c);
+    HYI_TRY(hyi_vk_submit(vk, c));
+    return hyi_vk_wait(vk, c, &seconds);
+}
+
+HYI_FN void hyi_vk_copy_parts(const hyi_vk_film_part *parts, uint32_t count, char *stage, bool up) {
+    for (uint32_t i = 0; i < count; stage += stage ? parts[i].bytes : 0, i++) {
+        void *device = stage ? stage : parts[i].buffer->mapped;
+        if (parts[i].bytes && up) memcpy(device, parts[i].host, parts[i].bytes);
+        if (parts[i].bytes && !up) memcpy(parts[i].host, device, parts[i].bytes);
+    }
+}
+
+/* The host's film changes as a whole, or not at all. */
+HYI_FN hydra_result hyi_vk_transfer(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count, bool up) {
+    hyi_vk_buffer stage;
+    VkDeviceSize bytes = 0;
+    for (uint32_t i = 0; i < count; i++) bytes += parts[i].bytes;
+    hydra_result result = HYDRA_OK;
+    memset(&stage, 0, sizeof stage);
+    if (hyi_vk_parts_are_mapped(parts, count)) {
+        hyi_vk_copy_parts(parts, count, NULL, up);
+    } else {
+        HYI_TRY(hyi_vk_make_buffer(vk, &stage, up ? HYI_VK_UPLOAD : HYI_VK_READBACK, bytes, "the film on its way"));
+        if (up) hyi_vk_copy_parts(parts, count, (char *)stage.mapped, true);
+        result = hyi_vk_move_parts(vk, c, parts, count, &stage, up);
+        if (result == HYDRA_OK && !up) hyi_vk_copy_parts(parts, count, (char *)stage.mapped, false);
+        hyi_vk_drain(vk, c);
+        hyi_vk_free_buffer(vk, &stage);
+    }
+    if (result == HYDRA_OK && !up) hyi_vk_count_read(vk, bytes);
+    return result;
+}
+
+/* A film without samples: zeros, but for ids, which are sent. */
+HYI_FN hydra_result hyi_vk_clear_film(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count) {
+    double seconds;
+    HYI_TRY(hyi_vk_begin(vk, c));
+    for (uint32_t i = 0; i + 1 < count; i++) vk->f.CmdFillBuffer(c->buffer, parts[i].buffer->buffer, 0, VK_WHOLE_SIZE, 0);
+    hyi_vk_barrier(vk, c);
+    HYI_TRY(hyi_vk_submit(vk, c));
+    HYI_TRY(hyi_vk_wait(vk, c, &seconds));
+    return parts[count - 1].bytes ? hyi_vk_transfer(vk, c, &parts[count - 1], 1, true) : HYDRA_OK;
+}
+
+/* Before samples are added: what the host's film holds stands on the device, and it is kept what both agree on. */
+HYI_FN hydra_result hyi_vk_ready_film(hydra_render *render, hyi_vk *vk, hyi_vk_film *f) {
+    hyi_vk_film_part parts[HYI_VK_FILM_PARTS];
+    uint32_t count = hyi_vk_film_parts(f, &render->film, parts);
+    if (f->stale) HYI_TRY(f->blank ? hyi_vk_clear_film(vk, &f->commands, parts, count) : hyi_vk_transfer(vk, &f->commands, parts, count, true));
+    f->stale = f->blank = false;
+    if (f->ahead) return HYDRA_OK;
+    const hyi_schedule *s = &render->schedule;
+    memcpy(f->agreed.tiles, render->film.tiles, hyi_film_tile_count(&render->film) * sizeof *f->agreed.tiles);
+    if (s->weights) memcpy(f->agreed.weights, s->weights, hyi_film_pixel_count(&render->film) * sizeof *s->weights);
+    f->agreed.stage = s->stage;
+    f->agreed.weighed_stage = s->weighed_stage;
+    f->agreed.brightness = s->brightness;
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_vk_fetch_film(hydra_render *render, hyi_vk *vk, hyi_vk_film *f) {
+    hyi_vk_film_part parts[HYI_VK_FILM_PARTS];
+    uint32_t count = hyi_vk_film_parts(f, &render->film, parts);
+    if (!f->ahead) return HYDRA_OK;
+    HYI_TRY(hyi_vk_transfer(vk, &f->commands, parts, count, false));
+    f->ahead = false;
+    return HYDRA_OK;
+}
+
+/* The device is lost: the film is what both last agreed on. */
+HYI_FN void hyi_vk_lose_film(hydra_render *render, hyi_vk_film *f) {
+    hyi_schedule *s = &render->schedule;
+    if (!f->ahead) return;
+    memcpy(render->film.tiles, f->agreed.tiles, hyi_film_tile_count(&render->film) * sizeof *f->agreed.tiles);
+    if (s->weights) memcpy(s->weights, f->agreed.weights, hyi_film_pixel_count(&render->film) * sizeof *s->weights);
+    s->stage = f->agreed.stage;
+    s->weighed_stage = f->agreed.weighed_stage;
+    s->brightness = f->agreed.brightness;
+    s->active_count = 0; /* the round is listed anew */
+    render->done = false;
+    render->report.made_at = -1.0;
+    f->ahead = false;
+}
+
+/* ---- values of pixels */
+
+/* Outputs that follow from one pixel's sums. */
+HYI_FN bool hyi_vk_resolves(hydra_output output) {
+    return output != HYDRA_ERROR && output <= HYDRA_SAMPLES;
+}
+
+HYI_FN hydra_result hyi_vk_send_tiles(hydra_render *render, hyi_vk *vk, hyi_vk_film *f) {
+    size_t count = hyi_film_tile_count(&render->film);
+    hyk_film_tile *tiles;
+    HYI_TRY(hyi_alloc_array(vk->context, &tiles, count));
+    for (size_t i = 0; i < count; i++) {
+        tiles[i].taken = render->film.tiles[i].taken;
+        memcpy(tiles[i].reported, render->film.tiles[i].reported, sizeof tiles[i].reported);
+    }
+    hydra_result result = hyi_vk_send(vk, &f->tiles, tiles, count * sizeof *tiles);
+    hyi_free_array(vk->context, &tiles, count);
+    return result;
+}
+
+/* Begins commands that leave count values in out. The film is ready. */
+HYI_FN hydra_result hyi_vk_record_resolve(hydra_render *render, hyi_vk *vk, hyi_vk_film *f, const hyi_vk_buffer *picture, uint32_t asked, uint32_t count, const hyi_vk_buffer *out) {
+    hyi_vk_buffer bound[HYK_FILM_BINDINGS];
+    VkPipeline pipeline;
+    hyi_vk_shape shape;
+    hyk_film_call call;
+    memset(&shape, 0, sizeof shape);
+    memset(&call, 0, sizeof call);
+    shape.features = (1u << HYI_PLANE_COUNT) - 1u;
+    HYI_TRY(hyi_vk_get_pipeline(vk, HYI_VK_KERNEL_resolve, &shape, &pipeline));
+    HYI_TRY(hyi_vk_send_tiles(render, vk, f));
+    HYI_TRY(hyi_vk_begin(vk, &f->commands));
+    hyi_vk_bind_film(f, picture, bound);
+    bound[HYK_BINDING_FILM_OUT] = *out;
+    hyi_vk_write_set(vk, &f->set, bound, HYK_FILM_BINDINGS);
+    call.count = count;
+    call.asked = asked;
+    call.points = render->desc.sensor.kind == HYDRA_SENSOR_POINTS;
+    call.factor0 = hyi_lightmap_factor(render, 0);
+    call.factor1 = hyi_lightmap_factor(render, 1);
+    call.factor2 = hyi_lightmap_factor(render, 2);
+    VkCommandBuffer c = f->commands.buffer;
+    vk->f.CmdBindDescriptorSets(c, VK_PIPELINE_BIND_POINT_COMPUTE, vk->film_layout, 0, 1, &f->set.set, 0, NULL);
+    vk->f.CmdPushConstants(c, vk->film_layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof call, &call);
+    vk->f.CmdBindPipeline(c, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    uint32_t groups = (count + HYK_GROUP - 1) / HYK_GROUP, across = groups < HYI_VK_GROUPS_ACROSS ? groups : HYI_VK_GROUPS_ACROSS;
+    vk->f.CmdDispatch(c, across, (groups + across - 1) / across, 1);
+    hyi_vk_barrier(vk, &f->commands);
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_vk_fetch_luminance(hydra_render *render, hyi_vk *vk, hyi_vk_film *f, const hyi_vk_buffer *picture, const double **luminance) {
+    double seconds;
+    const hyi_vk_buffer *told = f->told_luminance.buffer ? &f->told_luminance : &f->luminance;
+    uint32_t pixels = (uint32_t)hyi_film_pixel_count(&render->film);
+    HYI_TRY(hyi_vk_record_resolve(render, vk, f, picture, HYK_RESOLVE_LUMINANCE, pixels, &f->luminance));
+    if (told != &f->luminance) hyi_vk_copy(vk, &f->commands, &f->luminance, told, pixels * sizeof **luminance);
+    hyi_vk_barrier_to_host(vk, &f->commands);
+    HYI_TRY(hyi_vk_submit(vk, &f->commands));
+    HYI_TRY(hyi_vk_wait(vk, &f->commands, &seconds));
+    hyi_vk_count_read(vk, pixels * sizeof **luminance);
+    *luminance = (const double *)told->mapped;
+    return HYDRA_OK;
+}
+
+#endif /* HYI_VK_FILM_H */
+
 /* >>vk-passes: batches of units on the device, from their first rays to the film
 
    A batch is one dispatch of first rays and then rounds of trace, shade and shadow passes, whose sizes the device knows
    (indirect dispatches) and the host learns once a submission. Two batches are on their way at a time, so that the device
-   works on one while the host adds up the other. Batches enter the film in the order in which they were taken: those that
-   an error or a cancel cuts off are then simply given back to the schedule. */
+   works on one while the host adds up the other, where it is the host that does (film.h). Batches enter the film in the
+   order in which they were taken: those that an error or a cancel cuts off are then simply given back to the schedule. */
 #ifndef HYI_VK_PASSES_H
 #define HYI_VK_PASSES_H
 
@@ -24004,17 +26046,24 @@ typedef struct hyi_vk_batch {
     hyi_vk_set set;
     hyi_vk_buffer buffers[HYK_PASS_BINDINGS]; /* PICTURE and SENSOR are the render's */
     hyi_vk_buffer told_counts, told_radiance, told_extras; /* what the host reads; the last two where it does not see the device's memory */
+    hyi_vk_set film_set;                                   /* these where the film is on the device */
+    hyi_vk_buffer chains, scatters, told_scatters;
+    hyk_film_unit *film_units;
     hyk_unit *units;
     uint32_t *tiles; /* of each unit */
     uint32_t unit_count;
     int64_t first_taken; /* of the schedule's round */
     bool traced, reading;
+    bool entering;       /* the device was told to add it to its film: no way back */
+    int64_t next_after;  /* of the schedule, when it has entered; where a wait for that failed */
     double seconds;      /* of its submissions so far */
     hyi_vk_phase phases[HYI_VK_MARKS_MOST]; /* phases[i] ends at mark i + 1 */
 } hyi_vk_batch;
 
 typedef struct hyi_vk_render {
     hyi_vk *vk;
+    hydra_render *render;
+    hyi_vk_film film;
     hyi_vk_buffer picture, sensor;
     hyi_vk_batch batches[HYI_VK_BATCHES];
     uint32_t pool_lanes, lanes_of_unit, units_most, units_now;
@@ -24026,30 +26075,6 @@ typedef struct hyi_vk_render {
 } hyi_vk_render;
 
 /* ---- creation */
-
-/* Copies into a buffer of the device. */
-HYI_FN hydra_result hyi_vk_send(hyi_vk *vk, hyi_vk_buffer *to, const void *from, size_t bytes) {
-    hyi_vk_buffer stage;
-    hyi_vk_commands commands;
-    double seconds;
-    if (bytes && to->mapped) memcpy(to->mapped, from, bytes);
-    if (!bytes || to->mapped) return HYDRA_OK;
-    memset(&stage, 0, sizeof stage);
-    memset(&commands, 0, sizeof commands);
-    hydra_result result = hyi_vk_make_buffer(vk, &stage, HYI_VK_UPLOAD, bytes, "an upload");
-    if (result == HYDRA_OK) result = hyi_vk_make_commands(vk, &commands);
-    if (result == HYDRA_OK) result = hyi_vk_begin(vk, &commands);
-    if (result == HYDRA_OK) {
-        memcpy(stage.mapped, from, bytes);
-        hyi_vk_copy(vk, &commands, &stage, to, bytes);
-        hyi_vk_barrier(vk, &commands);
-        result = hyi_vk_submit(vk, &commands);
-    }
-    if (result == HYDRA_OK) result = hyi_vk_wait(vk, &commands, &seconds);
-    hyi_vk_free_commands(vk, &commands);
-    hyi_vk_free_buffer(vk, &stage);
-    return result;
-}
 
 /* Positions and then normals, or rays. */
 HYI_FN hydra_result hyi_vk_send_sensor(hydra_render *render, hyi_vk_render *r) {
@@ -24094,6 +26119,25 @@ HYI_FN void hyi_vk_plan_pool(hydra_render *render, hyi_vk_render *r) {
     r->pool_lanes = r->units_most * r->lanes_of_unit;
 }
 
+HYI_FN hydra_result hyi_vk_make_batch_for_film(hyi_vk_render *r, hyi_vk_batch *b) {
+    hyi_vk *vk = r->vk;
+    hyi_vk_buffer bound[HYK_FILM_BINDINGS];
+    VkDeviceSize scatters = r->render->schedule.weights ? (VkDeviceSize)r->units_most * r->render->film.tile_pixels * sizeof(double) : 0;
+    HYI_TRY(hyi_alloc_array(vk->context, &b->film_units, r->units_most));
+    HYI_TRY(hyi_vk_make_buffer(vk, &b->chains, HYI_VK_DEVICE, r->units_most * sizeof *b->film_units, "units of the film"));
+    HYI_TRY(hyi_vk_make_buffer(vk, &b->scatters, HYI_VK_DEVICE, scatters, "scatter of samples"));
+    if (scatters && !b->scatters.mapped) HYI_TRY(hyi_vk_make_buffer(vk, &b->told_scatters, HYI_VK_READBACK, scatters, "scatter of samples"));
+    HYI_TRY(hyi_vk_make_set(vk, vk->film_set_layout, HYK_FILM_BINDINGS, 0, &b->film_set));
+    hyi_vk_bind_film(&r->film, &r->picture, bound);
+    bound[HYK_BINDING_FILM_UNITS] = b->buffers[HYK_BINDING_UNITS];
+    bound[HYK_BINDING_FILM_CHAINS] = b->chains;
+    bound[HYK_BINDING_FILM_RADIANCE] = b->buffers[HYK_BINDING_RADIANCE];
+    bound[HYK_BINDING_FILM_EXTRAS] = b->buffers[HYK_BINDING_EXTRAS];
+    bound[HYK_BINDING_FILM_OUT] = b->scatters;
+    hyi_vk_write_set(vk, &b->film_set, bound, HYK_FILM_BINDINGS);
+    return HYDRA_OK;
+}
+
 HYI_FN hydra_result hyi_vk_make_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     hyi_vk *vk = r->vk;
     hyi_vk_buffer bound[HYK_PASS_BINDINGS];
@@ -24105,16 +26149,16 @@ HYI_FN hydra_result hyi_vk_make_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     for (uint32_t i = HYK_BINDING_QUEUES; i < HYK_PASS_BINDINGS; i++)
         HYI_TRY(hyi_vk_make_buffer(vk, &b->buffers[i], HYI_VK_DEVICE, r->pool_lanes * hyi_vk_lane_bytes(i, r), "lanes"));
     HYI_TRY(hyi_vk_make_buffer(vk, &b->told_counts, HYI_VK_READBACK, sizeof(hyk_counts), "counts"));
-    if (!b->buffers[HYK_BINDING_RADIANCE].mapped)
+    if (!r->film.here && !b->buffers[HYK_BINDING_RADIANCE].mapped)
         HYI_TRY(hyi_vk_make_buffer(vk, &b->told_radiance, HYI_VK_READBACK, b->buffers[HYK_BINDING_RADIANCE].size, "lanes"));
-    if (!b->buffers[HYK_BINDING_EXTRAS].mapped)
+    if (!r->film.here && !b->buffers[HYK_BINDING_EXTRAS].mapped)
         HYI_TRY(hyi_vk_make_buffer(vk, &b->told_extras, HYI_VK_READBACK, b->buffers[HYK_BINDING_EXTRAS].size, "lanes"));
     HYI_TRY(hyi_vk_make_set(vk, vk->pass_layout, HYK_PASS_BINDINGS, 0, &b->set));
     memcpy(bound, b->buffers, sizeof bound);
     bound[HYK_BINDING_PICTURE] = r->picture;
     bound[HYK_BINDING_SENSOR] = r->sensor;
     hyi_vk_write_set(vk, &b->set, bound, HYK_PASS_BINDINGS);
-    return HYDRA_OK;
+    return r->film.here ? hyi_vk_make_batch_for_film(r, b) : HYDRA_OK;
 }
 
 /* What a picture asks of a kernel, without what makes no difference to that one, so that like pictures share it.
@@ -24165,6 +26209,10 @@ HYI_FN hydra_result hyi_vk_warm(hydra_render *render, hyi_vk_render *r) {
     const VkPipeline all[5] = { r->first, r->arguments, r->paths, r->shade, r->shadows };
     double start = hyi_seconds(), seconds;
     HYI_TRY(hyi_vk_begin(r->vk, c));
+    if (r->film.here) {
+        hyi_vk_record_accumulate(r->vk, &r->film, c, &r->batches[0].film_set, 0, r->lanes_of_unit, 0);
+        hyi_vk_barrier(r->vk, c);
+    }
     hyi_vk_bind(render, r, &r->batches[0]);
     for (int i = 0; i < 5; i++) {
         if (!all[i]) continue;
@@ -24191,6 +26239,7 @@ HYI_FN hydra_result hyi_vk_fill_render(hydra_render *render, hyi_vk_render *r) {
     HYI_TRY(hyi_vk_send(r->vk, &r->picture, &render->picture.kernel, sizeof(hyk_picture)));
     HYI_TRY(hyi_vk_send_sensor(render, r));
     uint32_t pipelines = r->vk->pipeline_count;
+    HYI_TRY(hyi_vk_make_film(render, r->vk, &r->film));
     HYI_TRY(hyi_vk_choose_pipelines(render, r));
     for (uint32_t i = 0; i < HYI_VK_BATCHES; i++) HYI_TRY(hyi_vk_make_batch(r, &r->batches[i]));
     return r->vk->pipeline_count == pipelines ? HYDRA_OK : hyi_vk_warm(render, r);
@@ -24202,6 +26251,11 @@ HYI_FN void hyi_vk_free_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     hyi_vk_free_buffer(r->vk, &b->told_counts);
     hyi_vk_free_buffer(r->vk, &b->told_radiance);
     hyi_vk_free_buffer(r->vk, &b->told_extras);
+    hyi_vk_free_set(r->vk, &b->film_set);
+    hyi_vk_free_buffer(r->vk, &b->chains);
+    hyi_vk_free_buffer(r->vk, &b->scatters);
+    hyi_vk_free_buffer(r->vk, &b->told_scatters);
+    hyi_free_array(r->vk->context, &b->film_units, r->units_most);
     hyi_vk_free_commands(r->vk, &b->commands);
     hyi_free_array(r->vk->context, &b->units, r->units_most);
     hyi_free_array(r->vk->context, &b->tiles, r->units_most);
@@ -24211,6 +26265,7 @@ HYI_FN void hyi_vk_end_render(hydra_render *render) {
     hyi_vk_render *r = (hyi_vk_render *)render->device;
     if (!r) return;
     for (uint32_t i = 0; i < HYI_VK_BATCHES; i++) hyi_vk_free_batch(r, &r->batches[i]);
+    hyi_vk_free_film(render, r->vk, &r->film);
     hyi_vk_free_buffer(r->vk, &r->picture);
     hyi_vk_free_buffer(r->vk, &r->sensor);
     hyi_free_array(render->context, &r, 1);
@@ -24224,6 +26279,7 @@ HYI_FN hydra_result hyi_vk_begin_render(hydra_render *render) {
     HYI_TRY(hyi_alloc_array(render->context, &r, 1));
     memset(r, 0, sizeof *r);
     r->vk = (hyi_vk *)render->context->device;
+    r->render = render;
     render->device = r;
     return hyi_vk_fill_render(render, r);
 }
@@ -24331,7 +26387,7 @@ HYI_FN bool hyi_vk_take_units(hydra_render *render, hyi_vk_render *r, hyi_vk_bat
 
 HYI_FN hydra_result hyi_vk_start_batch(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
     double lanes = (double)b->unit_count * r->lanes_of_unit;
-    b->traced = b->reading = false;
+    b->traced = b->reading = b->entering = false;
     b->seconds = 0.0;
     return hyi_vk_submit_rounds(render, r, b, true, hyi_vk_rounds_for(r, lanes));
 }
@@ -24357,6 +26413,7 @@ HYI_FN hydra_result hyi_vk_advance(hydra_render *render, hyi_vk_render *r, hyi_v
         return HYDRA_OK;
     }
     const hyk_counts *counts = (const hyk_counts *)b->told_counts.mapped;
+    hyi_vk_count_read(r->vk, sizeof *counts);
     hyi_vk_keep_times(render, r, b);
     b->seconds += seconds;
     if (counts->paths) return hyi_vk_submit_rounds(render, r, b, false, hyi_vk_rounds_for(r, counts->paths));
@@ -24414,19 +26471,117 @@ HYI_FN uint64_t hyi_vk_camera_rays(const hydra_render *render) {
     return rays;
 }
 
-HYI_FN void hyi_vk_add_batch(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+/* A batch is in the film; there were so many rays of cameras before it was. */
+HYI_FN void hyi_vk_end_batch(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b, uint64_t camera_rays) {
     const hyk_counts *counts = (const hyk_counts *)b->told_counts.mapped;
-    uint64_t before = hyi_vk_camera_rays(render);
+    hyi_counters *c = &render->batches[0].counters;
+    c->rays_bounce += counts->rays_path - (hyi_vk_camera_rays(render) - camera_rays);
+    c->rays_shadow += counts->rays_shadow;
+    b->unit_count = 0;
+    b->traced = b->entering = false;
+    hyi_vk_learn_speed(r, b);
+    hyi_vk_resize_batches(r);
+}
+
+HYI_FN void hyi_vk_add_batch(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+    uint64_t before = hyi_vk_camera_rays(render), lanes = (uint64_t)b->unit_count * r->lanes_of_unit;
     r->adding = b;
     hyi_atomic_store(&r->next_added, 0);
     hyi_parallel(render->context, render->workers, hyi_vk_add_units, render);
+    hyi_vk_count_read(r->vk, lanes * (sizeof(hyk_lane_radiance) + (r->has_extras ? sizeof(hyk_lane_extra) : 0)));
+    hyi_vk_end_batch(render, r, b, before);
+}
+
+/* ---- adding up on the device */
+
+HYI_FN bool hyi_vk_batch_is_judged(const hydra_render *render, const hyi_vk_batch *b) {
+    for (uint32_t i = 0; i < b->unit_count; i++)
+        if (hyi_unit_is_judged(render, &b->units[i])) return true;
+    return false;
+}
+
+HYI_FN hydra_result hyi_vk_submit_entering(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+    hyi_vk *vk = r->vk;
+    const hyi_film *film = &render->film;
+    HYI_TRY(hyi_vk_ready_film(render, vk, &r->film));
+    HYI_TRY(hyi_vk_begin(vk, &b->commands));
+    hyi_vk_link_units(render, &r->film, b->units, b->tiles, b->unit_count, b->film_units);
+    vk->f.CmdUpdateBuffer(b->commands.buffer, b->chains.buffer, 0, b->unit_count * sizeof *b->film_units, b->film_units);
+    hyi_vk_barrier(vk, &b->commands);
+    hyi_vk_mark(vk, &b->commands);
+    hyi_vk_record_accumulate(vk, &r->film, &b->commands, &b->film_set, b->unit_count, r->lanes_of_unit, film->tile_pixels);
+    hyi_vk_barrier(vk, &b->commands);
+    hyi_vk_mark(vk, &b->commands);
+    if (b->told_scatters.buffer && hyi_vk_batch_is_judged(render, b))
+        hyi_vk_copy(vk, &b->commands, &b->scatters, &b->told_scatters, (VkDeviceSize)b->unit_count * film->tile_pixels * sizeof(double));
+    hyi_vk_barrier_to_host(vk, &b->commands);
+    HYI_TRY(hyi_vk_submit(vk, &b->commands));
+    b->entering = r->film.ahead = true;
+    return HYDRA_OK;
+}
+
+HYI_FN void hyi_vk_count_units(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+    const hyi_film *film = &render->film;
+    const double *scatters = (const double *)(b->told_scatters.buffer ? b->told_scatters.mapped : b->scatters.mapped);
+    bool cameras = render->picture.kernel.camera.kind != HYK_SENSOR_POINTS;
     hyi_counters *c = &render->batches[0].counters;
-    c->rays_bounce += counts->rays_path - (hyi_vk_camera_rays(render) - before);
-    c->rays_shadow += counts->rays_shadow;
-    b->unit_count = 0;
-    b->traced = false;
-    hyi_vk_learn_speed(r, b);
-    hyi_vk_resize_batches(r);
+    for (uint32_t i = 0; i < b->unit_count; i++) {
+        bool judged = hyi_unit_is_judged(render, &b->units[i]);
+        if (cameras) c->rays_camera += (uint64_t)hyi_vk_pixels_inside(film, b->tiles[i]) * b->units[i].samples;
+        c->paths += (uint64_t)film->tile_pixels * b->units[i].samples;
+        hyi_vk_count_unit(render, b->tiles[i], &b->units[i], judged ? scatters + (size_t)i * film->tile_pixels : NULL);
+        if (judged) hyi_vk_count_read(r->vk, film->tile_pixels * sizeof(double));
+    }
+}
+
+/* A batch that the device was told to add is in its film. */
+HYI_FN hydra_result hyi_vk_finish_entering(hydra_render *render, hyi_vk_render *r, hyi_vk_batch *b) {
+    double seconds;
+    uint64_t before = hyi_vk_camera_rays(render);
+    HYI_TRY(hyi_vk_wait(r->vk, &b->commands, &seconds));
+    hyi_vk_count_units(render, r, b);
+    render->accumulate[0] += seconds;
+    hyi_vk_end_batch(render, r, b, before);
+    return HYDRA_OK;
+}
+
+/* Batches whose way into the film could not be waited for when last tried. */
+HYI_FN hydra_result hyi_vk_settle(hyi_vk_render *r) {
+    for (uint32_t i = 0; i < HYI_VK_BATCHES; i++) {
+        hyi_vk_batch *b = &r->batches[i];
+        if (!b->entering) continue;
+        HYI_TRY(hyi_vk_finish_entering(r->render, r, b));
+        hyi_atomic_store(&r->render->schedule.next, b->next_after);
+    }
+    return HYDRA_OK;
+}
+
+HYI_FN void hyi_vk_lose(hyi_vk_render *r) {
+    for (uint32_t i = 0; i < HYI_VK_BATCHES; i++)
+        if (r->batches[i].entering) r->batches[i].unit_count = 0, r->batches[i].entering = r->batches[i].traced = false;
+    hyi_vk_lose_film(r->render, &r->film);
+}
+
+/* NULL where the host's film is as good. */
+HYI_FN hydra_result hyi_vk_measure_film(hydra_render *render, const double **luminance) {
+    hyi_vk_render *r = (hyi_vk_render *)render->device;
+    *luminance = NULL;
+    HYI_TRY(hyi_vk_settle(r));
+    return r->film.ahead ? hyi_vk_fetch_luminance(render, r->vk, &r->film, &r->picture, luminance) : HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_vk_sync_film(const hydra_render *render, bool to_change) {
+    hyi_vk_render *r = (hyi_vk_render *)render->device;
+    if (!r->film.here) return HYDRA_OK;
+    hydra_result result = hyi_vk_check_lost(r->vk);
+    if (result == HYDRA_OK) result = hyi_vk_settle(r);
+    if (result == HYDRA_OK) result = hyi_vk_fetch_film(r->render, r->vk, &r->film);
+    if (result == HYDRA_ERROR_DEVICE_LOST) {
+        hyi_vk_lose(r);
+        result = HYDRA_OK; /* what is there is the host's */
+    }
+    if (result == HYDRA_OK && to_change) r->film.stale = true, r->film.blank = false;
+    return result;
 }
 
 /* ---- the backend's work */
@@ -24436,6 +26591,11 @@ HYI_FN void hyi_vk_give_back(hydra_render *render, hyi_vk_render *r, uint32_t ol
     double seconds;
     for (uint32_t i = HYI_VK_BATCHES; i-- > 0;) {
         hyi_vk_batch *b = &r->batches[(oldest + i) % HYI_VK_BATCHES];
+        if (b->entering) {
+            b->next_after = hyi_atomic_load(&render->schedule.next);
+            if (hyi_vk_finish_entering(render, r, b) != HYDRA_OK) hyi_atomic_store(&render->schedule.next, b->first_taken); /* for now: hyi_vk_settle */
+            continue;
+        }
         if (b->commands.in_flight) (void)hyi_vk_wait(r->vk, &b->commands, &seconds);
         if (b->unit_count) hyi_atomic_store(&render->schedule.next, b->first_taken);
         b->unit_count = 0;
@@ -24444,14 +26604,17 @@ HYI_FN void hyi_vk_give_back(hydra_render *render, hyi_vk_render *r, uint32_t ol
 }
 
 /* Every batch that is on its way goes on by a submission; those that are done enter the film in order. *oldest: the first
-   of them. */
+   of them. The device is told to add one up, and waited for when the others have gone on. */
 HYI_FN hydra_result hyi_vk_advance_all(hydra_render *render, hyi_vk_render *r, uint32_t *oldest) {
     for (uint32_t i = 0; i < HYI_VK_BATCHES; i++) {
         hyi_vk_batch *b = &r->batches[(*oldest + i) % HYI_VK_BATCHES];
         if (b->unit_count && !b->traced) HYI_TRY(hyi_vk_advance(render, r, b));
     }
     while (r->batches[*oldest].unit_count && r->batches[*oldest].traced) {
-        hyi_vk_add_batch(render, r, &r->batches[*oldest]);
+        hyi_vk_batch *b = &r->batches[*oldest];
+        if (r->film.here && !b->entering) return hyi_vk_submit_entering(render, r, b);
+        if (r->film.here) HYI_TRY(hyi_vk_finish_entering(render, r, b));
+        else hyi_vk_add_batch(render, r, b);
         *oldest = (*oldest + 1) % HYI_VK_BATCHES;
     }
     return HYDRA_OK;
@@ -24469,13 +26632,15 @@ HYI_FN hydra_result hyi_vk_start_idle(hydra_render *render, hyi_vk_render *r, ui
 
 HYI_FN hydra_result hyi_vk_work(hydra_render *render) {
     hyi_vk_render *r = (hyi_vk_render *)render->device;
-    hydra_result result = hyi_vk_start_idle(render, r, 0); /* progress even when a step is shorter than a batch */
+    hydra_result result = hyi_vk_settle(r);
+    if (result == HYDRA_OK) result = hyi_vk_start_idle(render, r, 0); /* progress even when a step is shorter than a batch */
     uint32_t oldest = 0;
     while (result == HYDRA_OK && r->batches[oldest].unit_count && !hyi_atomic_load(&render->cancel)) {
         result = hyi_vk_advance_all(render, r, &oldest);
         if (result == HYDRA_OK && !hyi_must_stop(render)) result = hyi_vk_start_idle(render, r, oldest);
     }
     hyi_vk_give_back(render, r, oldest);
+    if (result == HYDRA_ERROR_DEVICE_LOST) hyi_vk_lose(r);
     return result;
 }
 
@@ -24597,6 +26762,7 @@ HYI_FN hydra_result hyi_vk_ask(hyi_vk *vk, const hydra_scene *scene, VkPipeline 
     HYI_TRY(hyi_vk_wait(vk, &a->commands, &seconds));
     hyi_vk_count_slice(vk, seconds);
     hyi_vk_get_answers(a, hits, occluded, count);
+    hyi_vk_count_read(vk, count * (hits ? sizeof *hits : sizeof(uint32_t)));
     hyi_vk_learn_slice(vk, a, count, seconds);
     return HYDRA_OK;
 }
@@ -24649,7 +26815,7 @@ HYI_FN void hyi_vk_destroy(hydra_context *context) {
 
 HYI_FN const hyi_backend *hyi_vk_backend(void) {
     static const hyi_backend backend = { hyi_vk_destroy,      hyi_vk_commit, hyi_vk_forget_scene, hyi_vk_begin_render,
-                                         hyi_vk_end_render, hyi_vk_work,   hyi_vk_trace };
+                                         hyi_vk_end_render, hyi_vk_work,   hyi_vk_sync_film, hyi_vk_measure_film, hyi_vk_trace };
     return &backend;
 }
 
@@ -24748,6 +26914,7 @@ HYDRA_API hydra_result hydra_vk_get_info(const hydra_context *context, hydra_vk_
     info->pipelines = vk->pipeline_count;
     info->seconds_start = vk->seconds_start;
     info->seconds_pipelines = vk->seconds_pipelines;
+    info->bytes_read = vk->bytes_read;
     info->submissions = vk->submissions;
     info->slices = vk->slices;
     info->slice_mean = vk->slices ? vk->slice_total / (double)vk->slices : 0.0;
@@ -24770,24 +26937,59 @@ HYDRA_API hydra_result hydra_vk_save_pipelines(const hydra_context *context, voi
     return HYDRA_OK;
 }
 
-/* Rows of pixels in stage, tight, to rows of the caller's buffer. */
-HYI_FN hydra_result hyi_vk_copy_rows(hyi_vk *vk, const hyi_vk_buffer *stage, size_t row, uint32_t rows, VkBuffer to, VkDeviceSize offset, size_t stride) {
-    hyi_vk_commands c;
+/* Rows of pixels in a buffer of the caller's. */
+typedef struct hyi_vk_rows {
+    VkBuffer buffer;
+    VkDeviceSize offset, stride, row; /* row: bytes of one */
+    uint32_t count;
+} hyi_vk_rows;
+
+/* Ends commands with a copy of tight rows, and waits for it all. */
+HYI_FN hydra_result hyi_vk_copy_rows(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_buffer *from, const hyi_vk_rows *to) {
     double seconds;
+    bool tight = to->stride == to->row;
+    for (uint32_t y = 0; y < (tight ? 1u : to->count); y++) {
+        VkBufferCopy region = { y * to->row, to->offset + y * to->stride, tight ? to->count * to->row : to->row };
+        vk->f.CmdCopyBuffer(c->buffer, from->buffer, to->buffer, 1, &region);
+    }
+    hyi_vk_barrier(vk, c);
+    HYI_TRY(hyi_vk_submit(vk, c));
+    return hyi_vk_wait(vk, c, &seconds);
+}
+
+/* Pixels that the host makes. */
+HYI_FN hydra_result hyi_vk_write_read(hydra_render *render, hyi_vk *vk, hydra_output output, const hyi_vk_rows *to) {
+    hyi_vk_buffer stage;
+    hyi_vk_commands c;
+    memset(&stage, 0, sizeof stage);
     memset(&c, 0, sizeof c);
-    hydra_result result = hyi_vk_make_commands(vk, &c);
+    HYI_TRY(hyi_vk_make_buffer(vk, &stage, HYI_VK_UPLOAD, to->row * to->count, "pixels"));
+    hydra_result result = hydra_render_read(render, output, stage.mapped, 0);
+    if (result == HYDRA_OK) result = hyi_vk_make_commands(vk, &c);
     if (result == HYDRA_OK) result = hyi_vk_begin(vk, &c);
-    for (uint32_t y = 0; result == HYDRA_OK && y < rows; y++) {
-        VkBufferCopy region = { y * row, offset + y * stride, row };
-        vk->f.CmdCopyBuffer(c.buffer, stage->buffer, to, 1, &region);
-    }
-    if (result == HYDRA_OK) {
-        hyi_vk_barrier(vk, &c);
-        result = hyi_vk_submit(vk, &c);
-    }
-    if (result == HYDRA_OK) result = hyi_vk_wait(vk, &c, &seconds);
+    if (result == HYDRA_OK) result = hyi_vk_copy_rows(vk, &c, &stage, to);
     hyi_vk_free_commands(vk, &c);
+    hyi_vk_free_buffer(vk, &stage);
     return result;
+}
+
+/* Pixels that the device makes of its film. */
+HYI_FN hydra_result hyi_vk_write_resolved(hydra_render *render, hyi_vk_render *r, hydra_output output, const hyi_vk_rows *to) {
+    hyi_vk_commands *c = &r->film.commands;
+    hyi_vk_buffer out;
+    memset(&out, 0, sizeof out);
+    HYI_TRY(hyi_vk_make_buffer(r->vk, &out, HYI_VK_DEVICE, to->row * to->count, "pixels"));
+    uint32_t values = (render->film.right - render->film.left) * to->count;
+    hydra_result result = hyi_vk_record_resolve(render, r->vk, &r->film, &r->picture, (uint32_t)output, values, &out);
+    if (result == HYDRA_OK) result = hyi_vk_copy_rows(r->vk, c, &out, to);
+    hyi_vk_drain(r->vk, c);
+    hyi_vk_free_buffer(r->vk, &out);
+    return result;
+}
+
+/* Whether the device's film is what the output follows from. */
+HYI_FN bool hyi_vk_can_resolve(const hydra_render *render, const hyi_vk_render *r, hydra_output output) {
+    return r->film.here && !r->film.stale && hyi_vk_resolves(output) && hyi_output_is_there(render, output) && !hyi_atomic_load(&r->vk->lost);
 }
 
 HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output output, VkBuffer buffer, VkDeviceSize offset, size_t row_stride) {
@@ -24800,13 +27002,11 @@ HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output 
     uint32_t rows = film->bottom - film->top;
     if (!row) return hyi_vk_fail(vk, HYDRA_ERROR_ENUM, "hydra_vk_render_write: the output");
     if (stride < row || stride % 4 || offset % 4) return hyi_fail(render->context, HYDRA_ERROR_STRIDE, "offset %llu, rows of %zu bytes, %zu apart", (unsigned long long)offset, row, stride);
-    hyi_vk_buffer stage;
-    memset(&stage, 0, sizeof stage);
-    HYI_TRY(hyi_vk_make_buffer(vk, &stage, HYI_VK_UPLOAD, (VkDeviceSize)row * rows, "pixels"));
-    hydra_result result = hydra_render_read(render, output, stage.mapped, 0);
-    if (result == HYDRA_OK) result = hyi_vk_copy_rows(vk, &stage, row, rows, buffer, offset, stride);
-    hyi_vk_free_buffer(vk, &stage);
-    return result;
+    hyi_vk_rows to = { buffer, offset, stride, row, rows };
+    hyi_vk_render *r = (hyi_vk_render *)render->device;
+    if (!hyi_vk_can_resolve(render, r, output)) return hyi_vk_write_read(render, vk, output, &to);
+    HYI_TRY(hyi_vk_settle(r));
+    return hyi_vk_write_resolved(render, r, output, &to);
 }
 
 #endif /* HYI_VK_CREATE_H */

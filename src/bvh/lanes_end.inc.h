@@ -87,6 +87,7 @@
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_RAY_WORDS
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8

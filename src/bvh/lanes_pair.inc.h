@@ -160,6 +160,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
 #define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
+#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words(rays, numbers, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu

@@ -313,19 +313,16 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
    or of uncommon size. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
                                                 float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    float d[3][HYI_PACKET_WIDTH], scale = bvh->scale;
+    float d[3][HYI_PACKET_WIDTH], words[8][HYI_PACKET_WIDTH];
     uint32_t axis[3];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyk_ray ray = hyi_load_ray(&rays[numbers[i]]);
-        o[0][i] = ray.origin.x * scale;
-        o[1][i] = ray.origin.y * scale;
-        o[2][i] = ray.origin.z * scale;
-        d[0][i] = ray.direction.x * scale;
-        d[1][i] = ray.direction.y * scale;
-        d[2][i] = ray.direction.z * scale;
-        packet->t_min[i] = ray.t_min;
-        packet->best_t[i] = ray.t_max;
+    HYI_RAY_WORDS(rays, numbers, words);
+    HYI_FW scale = HYI_SETW(bvh->scale);
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_STOREW(o[a], HYI_MULW(HYI_LOADW(words[a]), scale));
+        HYI_STOREW(d[a], HYI_MULW(HYI_LOADW(words[4u + a]), scale));
     }
+    HYI_STOREW(packet->t_min, HYI_LOADW(words[3]));
+    HYI_STOREW(packet->best_t, HYI_LOADW(words[7]));
     if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
     HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
     bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;

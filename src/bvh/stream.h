@@ -73,6 +73,15 @@ typedef struct hyi_swarm {
     bool any;
 } hyi_swarm;
 
+/* The eight words of rays by their numbers: rows of one word of all. */
+HYI_INLINE void hyi_ray_words(const hyk_ray *rays, const uint32_t *numbers, float words[8][HYI_PACKET_WIDTH], uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        float ray[8];
+        memcpy(ray, &rays[numbers[i]], sizeof ray);
+        for (uint32_t word = 0; word < 8u; word++) words[word][i] = ray[word];
+    }
+}
+
 /* Sixteen words of each of some rays, from rows of one word of all, to a line of each, one flight apart. */
 HYI_INLINE void hyi_lines(const void *const rows[16], char *lines, uint32_t rays) {
     for (uint32_t i = 0; i < rays; i++)
