@@ -139,7 +139,7 @@ build/$(1)/inside.c: build/$(1)/subjects.h
 		printf '#include "%s"\n' hydra.h $(5) $(patsubst %,tests/test_%.c,$(filter $(INSIDE),$(4))); } > $$@
 build/$(1)/inside.o: build/$(1)/inside.c hydra.h $(5) $(wildcard tests/*.h) $(patsubst %,tests/test_%.c,$(filter $(INSIDE),$(4)))
 	$(2) $$(TEST_FLAGS) $(3) -c $$< -o $$@
-build/$(1)/tests: build/$(1)/main.o build/$(1)/inside.o $(patsubst %,build/$(1)/%.o,$(SUPPORT) $(addprefix test_,$(filter-out $(INSIDE),$(4))))
+build/$(1)/tests: build/$(1)/main.o build/$(1)/inside.o $(patsubst %,build/$(1)/%.o,$(filter-out $(if $(5),,vk_% kernels_%),$(SUPPORT)) $(addprefix test_,$(filter-out $(INSIDE),$(4))))
 	$(2) $(3) $$^ -o $$@ -lcmocka $$(LIBS) $(5:hydra_vk.h=-ldl)
 endef
 SANITIZE := -O1 -fno-omit-frame-pointer
@@ -152,7 +152,7 @@ $(eval $(call flavour,vk,$(CC),$(OPT) -DHT_VULKAN,$(VK_SUBJECTS),hydra_vk.h))
 # What test_vk_kernels.c runs on a device, by groups, as arrays of words; and its oracle.
 KERNEL_SOURCES := $(patsubst %,tests/kernels_%.h,list plain seeing) $(wildcard shaders/shared/*.h)
 build/vk/kernels_double.o: $(KERNEL_SOURCES)
-build/vk/test_vk_kernels.o: build/vk/kernels_spirv.h
+build/vk/inside.o: build/vk/kernels_spirv.h
 build/vk/kernels_spirv.h: tests/kernels.comp $(KERNEL_SOURCES) | setup-shaders
 	@mkdir -p $(@D)
 	@for group in 0 1 2 3 4 5 6 7; do \

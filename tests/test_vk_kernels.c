@@ -124,7 +124,7 @@ static const kernel_rule rules[KT_COUNT] = {
 
 /* ---- the bench: a device with the kernels and the scene, and the scene for the oracle */
 
-typedef struct bench {
+typedef struct kernel_bench {
     hydra_context *context;
     hydra_scene *scene;
     hyi_vk *vk;
@@ -134,7 +134,7 @@ typedef struct bench {
     VkPipeline pipelines[KT_GROUPS];
     const void *exact, *near[VIEWS], *far[VIEWS]; /* views in double: as it is, and with numbers that are off */
     uint32_t words[CASES_MOST][KT_IN_MOST], results[CASES_MOST][KT_OUT_MOST];
-} bench;
+} kernel_bench;
 
 typedef struct group {
     const uint32_t *words;
@@ -144,7 +144,7 @@ typedef struct group {
 #define GROUP(n) {kernels_spirv_##n, sizeof kernels_spirv_##n}
 static const group groups[KT_GROUPS] = {GROUP(0), GROUP(1), GROUP(2), GROUP(3), GROUP(4), GROUP(5), GROUP(6), GROUP(7)};
 
-static void make_pipeline(bench *b, uint32_t g) {
+static void make_pipeline(kernel_bench *b, uint32_t g) {
     VkShaderModuleCreateInfo code;
     VkComputePipelineCreateInfo info;
     memset(&code, 0, sizeof code);
@@ -162,7 +162,7 @@ static void make_pipeline(bench *b, uint32_t g) {
     b->vk->f.DestroyShaderModule(b->vk->device, info.stage.module, NULL);
 }
 
-static void make_views(bench *b) {
+static void make_views(kernel_bench *b) {
     const hydra_scene *scene = b->scene;
     kt_scene s;
     memset(&s, 0, sizeof s);
@@ -189,8 +189,8 @@ static void make_views(bench *b) {
     }
 }
 
-static int open_bench(void **state) {
-    bench *b = (bench *)calloc(1, sizeof *b);
+static int open_kernels(void **state) {
+    kernel_bench *b = (kernel_bench *)calloc(1, sizeof *b);
     *state = b;
     b->context = hydra_create(NULL);
     assert_non_null(b->context);
@@ -208,8 +208,8 @@ static int open_bench(void **state) {
     return hyi_vk_make_commands(b->vk, &b->commands) == HYDRA_OK ? 0 : 1;
 }
 
-static int close_bench(void **state) {
-    bench *b = (bench *)*state;
+static int close_kernels(void **state) {
+    kernel_bench *b = (kernel_bench *)*state;
     for (uint32_t g = 0; g < KT_GROUPS; g++) b->vk->f.DestroyPipeline(b->vk->device, b->pipelines[g], NULL);
     hyi_vk_free_set(b->vk, &b->set);
     hyi_vk_free_buffer(b->vk, &b->in);
@@ -228,13 +228,13 @@ static int close_bench(void **state) {
 
 /* ---- running */
 
-static void finish(bench *b) {
+static void finish_kernels(kernel_bench *b) {
     double seconds;
     assert_int_equal(hyi_vk_submit(b->vk, &b->commands), HYDRA_OK);
     assert_int_equal(hyi_vk_wait(b->vk, &b->commands, &seconds), HYDRA_OK);
 }
 
-static void run(bench *b, VkPipeline pipeline, const hyi_vk_set *set, const uint32_t call[4], uint32_t lanes) {
+static void run(kernel_bench *b, VkPipeline pipeline, const hyi_vk_set *set, const uint32_t call[4], uint32_t lanes) {
     VkDescriptorSet sets[2] = {((const hyi_vk_scene *)b->scene->device)->set.set, set->set};
     VkCommandBuffer buffer = b->commands.buffer;
     hyi_vk *vk = b->vk;
@@ -244,25 +244,25 @@ static void run(bench *b, VkPipeline pipeline, const hyi_vk_set *set, const uint
     vk->f.CmdPushConstants(buffer, vk->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, 16, call);
     vk->f.CmdDispatch(buffer, (lanes + HYK_GROUP - 1) / HYK_GROUP, 1, 1);
     hyi_vk_barrier(vk, &b->commands);
-    finish(b);
+    finish_kernels(b);
 }
 
-static void fetch(bench *b, const hyi_vk_buffer *from, void *to, size_t bytes) {
+static void fetch_results(kernel_bench *b, const hyi_vk_buffer *from, void *to, size_t bytes) {
     assert_int_equal(hyi_vk_begin(b->vk, &b->commands), HYDRA_OK);
     hyi_vk_copy(b->vk, &b->commands, from, &b->told, bytes);
     hyi_vk_barrier_to_host(b->vk, &b->commands);
-    finish(b);
+    finish_kernels(b);
     memcpy(to, b->told.mapped, bytes);
 }
 
 /* kernel: its number in the group. */
-static void run_on_device(bench *b, uint32_t g, uint32_t kernel, uint32_t cases) {
+static void run_on_device(kernel_bench *b, uint32_t g, uint32_t kernel, uint32_t cases) {
     const uint32_t call[4] = {kernel, cases, KT_IN_MOST, KT_OUT_MOST};
     memset(b->results, 0xa5, sizeof b->results);
     assert_int_equal(hyi_vk_send(b->vk, &b->in, b->words, cases * sizeof b->words[0]), HYDRA_OK);
     assert_int_equal(hyi_vk_send(b->vk, &b->out, b->results, cases * sizeof b->results[0]), HYDRA_OK);
     run(b, b->pipelines[g], &b->set, call, cases);
-    fetch(b, &b->out, b->results, cases * sizeof b->results[0]);
+    fetch_results(b, &b->out, b->results, cases * sizeof b->results[0]);
 }
 
 /* ---- running shade.comp: a case a lane */
@@ -277,7 +277,7 @@ typedef struct lanes {
     hyk_counts counts;
 } lanes;
 
-static void fill_lanes(const bench *b, lanes *l, uint32_t cases) {
+static void fill_lanes(const kernel_bench *b, lanes *l, uint32_t cases) {
     memset(l, 0, sizeof *l);
     l->counts.paths = cases;
     for (uint32_t i = 0; i < cases; i++) {
@@ -300,14 +300,14 @@ typedef struct part {
     size_t bytes;
 } part;
 
-static VkPipeline shade_pipeline(bench *b) {
+static VkPipeline shade_pipeline(kernel_bench *b) {
     hyi_vk_shape shape = {HYI_FEATURES_EVERYTHING, 0, 0, 0, SHADE_WANTS};
     VkPipeline pipeline = VK_NULL_HANDLE;
     assert_int_equal(hyi_vk_get_pipeline(b->vk, HYI_VK_KERNEL_shade, &shape, &pipeline), HYDRA_OK);
     return pipeline;
 }
 
-static void shade_lanes(bench *b, lanes *l) {
+static void shade_lanes(kernel_bench *b, lanes *l) {
     const uint32_t call[4] = {l->counts.paths, CASES_MOST, CASES_MOST, 0}; /* hyk_dispatch */
     hyk_picture picture;
     hyi_vk_buffer buffers[HYK_PASS_BINDINGS];
@@ -334,7 +334,7 @@ static void shade_lanes(bench *b, lanes *l) {
     hyi_vk_write_set(b->vk, &set, buffers, HYK_PASS_BINDINGS);
     run(b, shade_pipeline(b), &set, call, l->counts.paths);
     for (size_t i = 0; i < HYI_COUNT(parts); i++) {
-        fetch(b, &buffers[parts[i].binding], parts[i].data, parts[i].bytes);
+        fetch_results(b, &buffers[parts[i].binding], parts[i].data, parts[i].bytes);
         hyi_vk_free_buffer(b->vk, &buffers[parts[i].binding]);
     }
     hyi_vk_free_set(b->vk, &set);
@@ -393,7 +393,7 @@ static void tell_lane(const lanes *l, uint32_t i, uint32_t *to) {
     tell3(&to, extra->first.position, surface);
 }
 
-static void run_shade(bench *b, uint32_t cases) {
+static void run_shade(kernel_bench *b, uint32_t cases) {
     lanes *l = (lanes *)malloc(sizeof *l);
     fill_lanes(b, l, cases);
     shade_lanes(b, l);
@@ -423,7 +423,7 @@ static double ulp_of(double size) {
     return ldexp(1.0, exponent - 24);
 }
 
-static void move_inputs(const bench *b, uint32_t kernel, const uint32_t *in, double ulps, uint32_t draw, bool closely, kt_case *moved) {
+static void move_inputs(const kernel_bench *b, uint32_t kernel, const uint32_t *in, double ulps, uint32_t draw, bool closely, kt_case *moved) {
     moved->in = in;
     moved->whole_vectors = closely;
     moved->ulps = ulps;
@@ -443,7 +443,7 @@ static bool has_jumped(const truth *t, const kt_case *moved) {
     return false;
 }
 
-static void find_truth(const bench *b, uint32_t kernel, const uint32_t *in, uint32_t draws, truth *t) {
+static void find_truth(const kernel_bench *b, uint32_t kernel, const uint32_t *in, uint32_t draws, truth *t) {
     kt_case moved;
     memset(t, 0, sizeof *t);
     t->exact.in = in;
@@ -514,7 +514,7 @@ static void keep_larger(error *all, const error *one) {
 }
 
 /* A case that looks wrong is looked at again, with many more draws: a comparison may have been decided by last bits. */
-static void check_case(const bench *b, uint32_t kernel, const char *name, uint32_t i, measured *all) {
+static void check_case(const kernel_bench *b, uint32_t kernel, const char *name, uint32_t i, measured *all) {
     const kernel_rule *rule = &rules[kernel];
     kt_case host;
     host.in = b->words[i];
@@ -550,7 +550,7 @@ static uint64_t seed_of(const char *name) {
     return seed;
 }
 
-static void check_kernel(bench *b, uint32_t g, uint32_t number, uint32_t kernel, const char *name, void (*make)(input *)) {
+static void check_kernel(kernel_bench *b, uint32_t g, uint32_t number, uint32_t kernel, const char *name, void (*make)(input *)) {
     ht_rng rng = ht_rng_make(seed_of(name));
     const uint32_t cases = ht_pick(CASES_MOST, 500);
     const kernel_rule *rule = &rules[kernel];
@@ -574,7 +574,7 @@ static void check_kernel(bench *b, uint32_t g, uint32_t number, uint32_t kernel,
 #define CHECK(name) check_kernel(b, g, number++, KT_##name, #name, in_##name);
 #define GROUP_TEST(group, title, LIST)                                                                                   \
     static void title(void **state) {                                                                                    \
-        bench *b = (bench *)*state;                                                                                      \
+        kernel_bench *b = (kernel_bench *)*state;                                                                                      \
         uint32_t g = group, number = 0;                                                                                  \
         print_message("%-15s %6s %6s %5s %5s |%9s %9s %9s |%9s %9s %6s %6s\n", "kernel", "wholes", "reals", "undec", "loose", "ulps", \
                       "device", "bound", "mixed", "device", "bound", "worst");                                           \
@@ -597,5 +597,5 @@ int hydra_test_vk_kernels(void) {
         cmocka_unit_test(test_lights),  cmocka_unit_test(test_surfaces_and_paths),
         cmocka_unit_test(test_shading),
     };
-    return cmocka_run_group_tests_name("vk_kernels", tests, open_bench, close_bench);
+    return cmocka_run_group_tests_name("vk_kernels", tests, open_kernels, close_kernels);
 }
