@@ -9399,7 +9399,8 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
+   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
@@ -9412,7 +9413,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
     HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
     HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
-    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
+    HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
+    known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
     HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
     float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
@@ -9926,7 +9929,8 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
+   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
@@ -9939,7 +9943,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
     HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
     HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
-    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
+    HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
+    known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
     HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
     float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
@@ -10155,7 +10161,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, 
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
     HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
     HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), across = zero, along = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), size = HYI_I(hyi_size_all)(sum), across = zero, along = zero;
     HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
     HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
     for (int i = 0; i < 3; i++) {
@@ -10168,7 +10174,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_p
     HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
     HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
     HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
-    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MAXW(HYI_MULW(HYI_SETW(4.0f), noise), HYI_SETW(HYI_EDGE_LEAST)), HYI_I(hyi_size_all)(sum)));
+    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
+    HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
+    known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
     HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
     HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
     HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
@@ -10214,10 +10222,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     for (int i = 1; i < 3; i++) {
         HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
         HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
-        least = HYI_MIND(least, at);
-        most = HYI_MAXD(most, at);
+        least = HYI_MIND(at, least);
+        most = HYI_MAXD(at, most);
     }
-    HYI_STORED(t, HYI_MIND(HYI_MAXD(plane, least), most));
+    HYI_STORED(t, HYI_MIND(most, HYI_MAXD(least, plane))); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
     HYI_STORED(weights[0], b);
     HYI_STORED(weights[1], c);
     HYI_STORED(weights[2], sum);
@@ -11112,7 +11120,8 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
+   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
@@ -11125,7 +11134,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
     HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
     HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
-    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
+    HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
+    known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
     HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
     float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
@@ -11341,7 +11352,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, 
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
     HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
     HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), across = zero, along = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), size = HYI_I(hyi_size_all)(sum), across = zero, along = zero;
     HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
     HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
     for (int i = 0; i < 3; i++) {
@@ -11354,7 +11365,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_p
     HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
     HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
     HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
-    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MAXW(HYI_MULW(HYI_SETW(4.0f), noise), HYI_SETW(HYI_EDGE_LEAST)), HYI_I(hyi_size_all)(sum)));
+    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
+    HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
+    known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
     HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
     HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
     HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
@@ -11400,10 +11413,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     for (int i = 1; i < 3; i++) {
         HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
         HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
-        least = HYI_MIND(least, at);
-        most = HYI_MAXD(most, at);
+        least = HYI_MIND(at, least);
+        most = HYI_MAXD(at, most);
     }
-    HYI_STORED(t, HYI_MIND(HYI_MAXD(plane, least), most));
+    HYI_STORED(t, HYI_MIND(most, HYI_MAXD(least, plane))); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
     HYI_STORED(weights[0], b);
     HYI_STORED(weights[1], c);
     HYI_STORED(weights[2], sum);
@@ -12411,7 +12424,8 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
+   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
@@ -12424,7 +12438,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
     HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
     HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
-    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
+    HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
+    known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
     HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
     float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
@@ -12640,7 +12656,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, 
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
     HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
     HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), across = zero, along = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), size = HYI_I(hyi_size_all)(sum), across = zero, along = zero;
     HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
     HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
     for (int i = 0; i < 3; i++) {
@@ -12653,7 +12669,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_p
     HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
     HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
     HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
-    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MAXW(HYI_MULW(HYI_SETW(4.0f), noise), HYI_SETW(HYI_EDGE_LEAST)), HYI_I(hyi_size_all)(sum)));
+    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
+    HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
+    known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
     HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
     HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
     HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
@@ -12699,10 +12717,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     for (int i = 1; i < 3; i++) {
         HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
         HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
-        least = HYI_MIND(least, at);
-        most = HYI_MAXD(most, at);
+        least = HYI_MIND(at, least);
+        most = HYI_MAXD(at, most);
     }
-    HYI_STORED(t, HYI_MIND(HYI_MAXD(plane, least), most));
+    HYI_STORED(t, HYI_MIND(most, HYI_MAXD(least, plane))); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
     HYI_STORED(weights[0], b);
     HYI_STORED(weights[1], c);
     HYI_STORED(weights[2], sum);
@@ -13403,6 +13421,10 @@ HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
     return vaddvq_u32(vandq_u32(vcombine_u32(vmovn_u64(low), vmovn_u64(high)), vld1q_u32(bits)));
 }
 
+/* Of two zeros the second, as elsewhere: vminq and vmaxq tell them apart. */
+HYI_INLINE float64x2_t hyi_min2_neon(float64x2_t a, float64x2_t b) { return vbslq_f64(vcltq_f64(a, b), a, b); }
+HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbslq_f64(vcgtq_f64(a, b), a, b); }
+
 #define HYI_TARGET
 #define HYI_I(name) name##_neon
 #define HYI_F4 float32x4_t
@@ -13438,8 +13460,8 @@ HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
 #define HYI_SUB2(a, b) vsubq_f64(a, b)
 #define HYI_MUL2(a, b) vmulq_f64(a, b)
 #define HYI_DIV2(a, b) vdivq_f64(a, b)
-#define HYI_MIN2(a, b) vminq_f64(a, b)
-#define HYI_MAX2(a, b) vmaxq_f64(a, b)
+#define HYI_MIN2(a, b) hyi_min2_neon(a, b)
+#define HYI_MAX2(a, b) hyi_max2_neon(a, b)
 #define HYI_LT2(a, b) vcltq_f64(a, b)
 #define HYI_BITS2_2(low, high) hyi_bits2_2_neon(low, high)
 #define HYI_PIN2(a) hyi_pin2_neon(a)
@@ -13707,7 +13729,8 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
+   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
@@ -13720,7 +13743,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
     HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
     HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
-    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
+    HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
+    known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
     HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
     float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
@@ -13936,7 +13961,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, 
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
     HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
     HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), across = zero, along = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), size = HYI_I(hyi_size_all)(sum), across = zero, along = zero;
     HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
     HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
     for (int i = 0; i < 3; i++) {
@@ -13949,7 +13974,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_p
     HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
     HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
     HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
-    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MAXW(HYI_MULW(HYI_SETW(4.0f), noise), HYI_SETW(HYI_EDGE_LEAST)), HYI_I(hyi_size_all)(sum)));
+    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
+    HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
+    known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
     HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
     HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
     HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
@@ -13995,10 +14022,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     for (int i = 1; i < 3; i++) {
         HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
         HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
-        least = HYI_MIND(least, at);
-        most = HYI_MAXD(most, at);
+        least = HYI_MIND(at, least);
+        most = HYI_MAXD(at, most);
     }
-    HYI_STORED(t, HYI_MIND(HYI_MAXD(plane, least), most));
+    HYI_STORED(t, HYI_MIND(most, HYI_MAXD(least, plane))); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
     HYI_STORED(weights[0], b);
     HYI_STORED(weights[1], c);
     HYI_STORED(weights[2], sum);

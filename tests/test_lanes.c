@@ -134,6 +134,7 @@ static void tl_block(const tl_scene *s, ht_rng *rng, bool seams, hyk_ray *rays, 
     float o[3], p[3], spread = s->size * (seams ? 1e-6f : 0.02f), scatter = s->size * (ht_below(rng, 2) ? 0 : 1e-3f);
     bool limited = ht_below(rng, 4) == 0;
     for (int a = 0; a < 3; a++) o[a] = ht_range(rng, -s->size, s->size);
+    if (ht_below(rng, 4) == 0) tl_seam(s, rng, o); /* zeros of both signs for t */
     tl_seam(s, rng, p);
     for (uint32_t i = 0; i < count; i++) {
         float from[3], to[3];
@@ -272,6 +273,40 @@ static void thin_layers(void **state) {
     }
 }
 
+/* Small triangles at t whose product with an edge function underflows, and limits next to that t. Catches: bounds of t that
+   are taken for true although what they are made of was flushed to zero. */
+static void near_underflow(void **state) {
+    (void)state;
+    static tl_scene s;
+    static const float sizes[4][3] = {{1e-12f, 1e-19f, 1}, {4e-15f, 4e-15f, 1}, {1e-10f, 1e-10f, 536870912.0f}, {1e-18f, 1e-12f, 1}};
+    ht_rng rng = ht_rng_make(6);
+    for (uint32_t k = 0; k < HYI_COUNT(sizes); k++) {
+        float size = sizes[k][0], z = sizes[k][1];
+        ht_mesh mesh;
+        memset(&mesh, 0, sizeof mesh);
+        for (uint32_t t = 0; t < 3; t++) {
+            float w = t < 2 ? size : 1, at = t == 0 ? z * 1.00001f : t == 1 ? z : 1;
+            uint32_t a = ht_mesh_vertex(&mesh, -w, -w, at), b = ht_mesh_vertex(&mesh, w, -0.9f * w, at), c = ht_mesh_vertex(&mesh, 0.1f * w, w, at);
+            ht_mesh_triangle(&mesh, a, b, c);
+        }
+        tl_begin(&s);
+        tl_add(&s, mesh, HYDRA_ALPHA_OPAQUE);
+        ht_ok(s.host.context, hydra_scene_commit(s.scene));
+        for (uint32_t i = 0; i < 4000; i++) {
+            const float o[3] = {ht_range(&rng, -0.3f, 0.3f) * size, ht_range(&rng, -0.3f, 0.3f) * size, 0};
+            const float target[3] = {o[0], o[1], 1};
+            tl_rays[i] = tl_ray(o, target, sizes[k][2]);
+        }
+        assert_int_equal(tl_compare_all(&s, 4000), 4000);
+        for (uint32_t i = 0; i < 4000; i++) {
+            tl_rays[i].t_min = tl_truth[i].t * (1 - 1e-7f * (float)(i % 64));
+            tl_rays[i].t_max = tl_truth[i].t * (1 + 1e-7f * (float)(i % 64));
+        }
+        (void)tl_compare_all(&s, 4000);
+        tl_end(&s);
+    }
+}
+
 /* Triangles of sizes down to 1e-30 around one point: the deepest trees. Catches: lists that outgrow their memory. */
 static void deep_trees(void **state) {
     (void)state;
@@ -322,6 +357,7 @@ int hydra_test_lanes(void) {
         cmocka_unit_test(meshes_alone),
         cmocka_unit_test(instances_and_holes),
         cmocka_unit_test(thin_layers),
+        cmocka_unit_test(near_underflow),
         cmocka_unit_test(deep_trees),
         cmocka_unit_test(many_rays),
     };

@@ -31,6 +31,10 @@ HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
     return vaddvq_u32(vandq_u32(vcombine_u32(vmovn_u64(low), vmovn_u64(high)), vld1q_u32(bits)));
 }
 
+/* Of two zeros the second, as elsewhere: vminq and vmaxq tell them apart. */
+HYI_INLINE float64x2_t hyi_min2_neon(float64x2_t a, float64x2_t b) { return vbslq_f64(vcltq_f64(a, b), a, b); }
+HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbslq_f64(vcgtq_f64(a, b), a, b); }
+
 #define HYI_TARGET
 #define HYI_I(name) name##_neon
 #define HYI_F4 float32x4_t
@@ -66,8 +70,8 @@ HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
 #define HYI_SUB2(a, b) vsubq_f64(a, b)
 #define HYI_MUL2(a, b) vmulq_f64(a, b)
 #define HYI_DIV2(a, b) vdivq_f64(a, b)
-#define HYI_MIN2(a, b) vminq_f64(a, b)
-#define HYI_MAX2(a, b) vmaxq_f64(a, b)
+#define HYI_MIN2(a, b) hyi_min2_neon(a, b)
+#define HYI_MAX2(a, b) hyi_max2_neon(a, b)
 #define HYI_LT2(a, b) vcltq_f64(a, b)
 #define HYI_BITS2_2(low, high) hyi_bits2_2_neon(low, high)
 #define HYI_PIN2(a) hyi_pin2_neon(a)

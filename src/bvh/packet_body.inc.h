@@ -83,7 +83,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, 
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
     HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
     HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), across = zero, along = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), size = HYI_I(hyi_size_all)(sum), across = zero, along = zero;
     HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
     HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
     for (int i = 0; i < 3; i++) {
@@ -96,7 +96,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_p
     HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
     HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
     HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
-    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MAXW(HYI_MULW(HYI_SETW(4.0f), noise), HYI_SETW(HYI_EDGE_LEAST)), HYI_I(hyi_size_all)(sum)));
+    HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
+    HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
+    known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
     HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
     HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
     HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
@@ -142,10 +144,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     for (int i = 1; i < 3; i++) {
         HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
         HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
-        least = HYI_MIND(least, at);
-        most = HYI_MAXD(most, at);
+        least = HYI_MIND(at, least);
+        most = HYI_MAXD(at, most);
     }
-    HYI_STORED(t, HYI_MIND(HYI_MAXD(plane, least), most));
+    HYI_STORED(t, HYI_MIND(most, HYI_MAXD(least, plane))); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
     HYI_STORED(weights[0], b);
     HYI_STORED(weights[1], c);
     HYI_STORED(weights[2], sum);

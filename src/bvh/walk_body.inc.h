@@ -59,7 +59,8 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing. */
+   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
+   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
@@ -72,7 +73,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
     HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
     HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
-    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MAX8(HYI_MUL8(HYI_SET8(4.0f), noise), HYI_SET8(HYI_EDGE_LEAST)), size));
+    HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
+    HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
+    known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
     HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
     float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
