@@ -225,6 +225,7 @@ HYI_FN hydra_result hyi_vk_fill_render(hydra_render *render, hyi_vk_render *r) {
 }
 
 HYI_FN void hyi_vk_free_batch(hyi_vk_render *r, hyi_vk_batch *b) {
+    hyi_vk_free_commands(r->vk, &b->commands); /* first: it waits for what uses the rest */
     hyi_vk_free_set(r->vk, &b->set);
     for (uint32_t i = 0; i < HYK_PASS_BINDINGS; i++) hyi_vk_free_buffer(r->vk, &b->buffers[i]);
     hyi_vk_free_buffer(r->vk, &b->told_counts);
@@ -235,7 +236,6 @@ HYI_FN void hyi_vk_free_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     hyi_vk_free_buffer(r->vk, &b->scatters);
     hyi_vk_free_buffer(r->vk, &b->told_scatters);
     hyi_free_array(r->vk->context, &b->film_units, r->units_most);
-    hyi_vk_free_commands(r->vk, &b->commands);
     hyi_free_array(r->vk->context, &b->units, r->units_most);
     hyi_free_array(r->vk->context, &b->tiles, r->units_most);
 }

@@ -20,11 +20,11 @@ struct hyi_vk_asker {
 HYI_FN void hyi_vk_free_asker(hyi_vk *vk) {
     hyi_vk_asker *a = vk->asker;
     if (!a) return;
+    hyi_vk_free_commands(vk, &a->commands); /* first: it waits for what uses the rest */
     hyi_vk_free_set(vk, &a->set);
     for (uint32_t i = 0; i < HYK_PASS_BINDINGS; i++) hyi_vk_free_buffer(vk, &a->buffers[i]);
     hyi_vk_free_buffer(vk, &a->up);
     hyi_vk_free_buffer(vk, &a->down);
-    hyi_vk_free_commands(vk, &a->commands);
     hyi_free_array(vk->context, &vk->asker, 1);
 }
 
