@@ -541,6 +541,12 @@ HYI_FN void hyi_vk_lose(hyi_vk_render *r) {
     hyi_vk_lose_film(r->render, &r->film);
 }
 
+HYI_FN hydra_result hyi_vk_settle_or_lose(hyi_vk_render *r) {
+    hydra_result result = hyi_vk_settle(r);
+    if (result == HYDRA_ERROR_DEVICE_LOST) hyi_vk_lose(r);
+    return result;
+}
+
 /* NULL where the host's film is as good. */
 HYI_FN hydra_result hyi_vk_measure_film(hydra_render *render, const double **luminance) {
     hyi_vk_render *r = (hyi_vk_render *)render->device;
@@ -611,9 +617,9 @@ HYI_FN hydra_result hyi_vk_start_idle(hydra_render *render, hyi_vk_render *r, ui
 
 HYI_FN hydra_result hyi_vk_work(hydra_render *render) {
     hyi_vk_render *r = (hyi_vk_render *)render->device;
-    hydra_result result = hyi_vk_settle(r);
-    if (result == HYDRA_OK) result = hyi_vk_start_idle(render, r, 0); /* progress even when a step is shorter than a batch */
     uint32_t oldest = 0;
+    HYI_TRY(hyi_vk_settle_or_lose(r)); /* nothing else is on its way yet: the schedule stays as it is */
+    hydra_result result = hyi_vk_start_idle(render, r, oldest); /* progress even when a step is shorter than a batch */
     while (result == HYDRA_OK && r->batches[oldest].unit_count && !hyi_atomic_load(&render->cancel)) {
         result = hyi_vk_advance_all(render, r, &oldest);
         if (result == HYDRA_OK && !hyi_must_stop(render)) result = hyi_vk_start_idle(render, r, oldest);
