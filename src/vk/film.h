@@ -219,50 +219,52 @@ HYI_FN bool hyi_vk_parts_are_mapped(const hyi_vk_film_part *parts, uint32_t coun
     return true;
 }
 
-/* Between the film's buffers and one stage, part after part. */
-HYI_FN hydra_result hyi_vk_move_parts(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count, const hyi_vk_buffer *stage, bool up) {
+/* Between the film's buffers and stages: one for each part, since no more memory is promised in one piece than a binding of
+   the device had. */
+HYI_FN hydra_result hyi_vk_make_stages(hyi_vk *vk, const hyi_vk_film_part *parts, uint32_t count, hyi_vk_buffer *stages, bool up) {
+    for (uint32_t i = 0; i < count; i++)
+        if (parts[i].bytes) HYI_TRY(hyi_vk_make_buffer(vk, &stages[i], up ? HYI_VK_UPLOAD : HYI_VK_READBACK, parts[i].bytes, "the film on its way"));
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_vk_move_parts(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count, const hyi_vk_buffer *stages, bool up) {
     double seconds;
-    VkDeviceSize at = 0;
     HYI_TRY(hyi_vk_begin(vk, c));
-    for (uint32_t i = 0; i < count; i++) {
-        VkBufferCopy region = { up ? at : 0, up ? 0 : at, parts[i].bytes };
-        at += parts[i].bytes;
-        if (!parts[i].bytes) continue;
-        vk->f.CmdCopyBuffer(c->buffer, up ? stage->buffer : parts[i].buffer->buffer, up ? parts[i].buffer->buffer : stage->buffer, 1, &region);
-    }
+    for (uint32_t i = 0; i < count; i++)
+        if (parts[i].bytes) hyi_vk_copy(vk, c, up ? &stages[i] : parts[i].buffer, up ? parts[i].buffer : &stages[i], parts[i].bytes);
     if (up) hyi_vk_barrier(vk, c);
     else hyi_vk_barrier_to_host(vk, c);
     HYI_TRY(hyi_vk_submit(vk, c));
     return hyi_vk_wait(vk, c, &seconds);
 }
 
-HYI_FN void hyi_vk_copy_parts(const hyi_vk_film_part *parts, uint32_t count, char *stage, bool up) {
-    for (uint32_t i = 0; i < count; stage += stage ? parts[i].bytes : 0, i++) {
-        void *device = stage ? stage : parts[i].buffer->mapped;
+/* stages NULL: the parts themselves are mapped. */
+HYI_FN void hyi_vk_copy_parts(const hyi_vk_film_part *parts, uint32_t count, const hyi_vk_buffer *stages, bool up) {
+    for (uint32_t i = 0; i < count; i++) {
+        void *device = stages ? stages[i].mapped : parts[i].buffer->mapped;
         if (parts[i].bytes && up) memcpy(device, parts[i].host, parts[i].bytes);
         if (parts[i].bytes && !up) memcpy(parts[i].host, device, parts[i].bytes);
     }
 }
 
+HYI_FN hydra_result hyi_vk_transfer_staged(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count, bool up) {
+    hyi_vk_buffer stages[HYI_VK_FILM_PARTS];
+    memset(stages, 0, sizeof stages);
+    hydra_result result = hyi_vk_make_stages(vk, parts, count, stages, up);
+    if (result == HYDRA_OK && up) hyi_vk_copy_parts(parts, count, stages, true);
+    if (result == HYDRA_OK) result = hyi_vk_move_parts(vk, c, parts, count, stages, up);
+    if (result == HYDRA_OK && !up) hyi_vk_copy_parts(parts, count, stages, false);
+    hyi_vk_drain(vk, c);
+    for (uint32_t i = 0; i < count; i++) hyi_vk_free_buffer(vk, &stages[i]);
+    return result;
+}
+
 /* The host's film changes as a whole, or not at all. */
 HYI_FN hydra_result hyi_vk_transfer(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count, bool up) {
-    hyi_vk_buffer stage;
-    VkDeviceSize bytes = 0;
-    for (uint32_t i = 0; i < count; i++) bytes += parts[i].bytes;
-    hydra_result result = HYDRA_OK;
-    memset(&stage, 0, sizeof stage);
-    if (hyi_vk_parts_are_mapped(parts, count)) {
-        hyi_vk_copy_parts(parts, count, NULL, up);
-    } else {
-        HYI_TRY(hyi_vk_make_buffer(vk, &stage, up ? HYI_VK_UPLOAD : HYI_VK_READBACK, bytes, "the film on its way"));
-        if (up) hyi_vk_copy_parts(parts, count, (char *)stage.mapped, true);
-        result = hyi_vk_move_parts(vk, c, parts, count, &stage, up);
-        if (result == HYDRA_OK && !up) hyi_vk_copy_parts(parts, count, (char *)stage.mapped, false);
-        hyi_vk_drain(vk, c);
-        hyi_vk_free_buffer(vk, &stage);
-    }
-    if (result == HYDRA_OK && !up) hyi_vk_count_read(vk, bytes);
-    return result;
+    if (hyi_vk_parts_are_mapped(parts, count)) hyi_vk_copy_parts(parts, count, NULL, up);
+    else HYI_TRY(hyi_vk_transfer_staged(vk, c, parts, count, up));
+    for (uint32_t i = 0; i < count && !up; i++) hyi_vk_count_read(vk, parts[i].bytes);
+    return HYDRA_OK;
 }
 
 /* A film without samples: zeros, but for ids, which are sent. */
