@@ -23,7 +23,7 @@ struct hyi_vk_block {
 };
 
 typedef enum hyi_vk_kind {
-    HYI_VK_DEVICE,  /* on the device; mapped where host and device share their memory */
+    HYI_VK_DEVICE,  /* on the device; mapped where host and device share their memory, and the host caches it */
     HYI_VK_UPLOAD,  /* the host writes, the device reads */
     HYI_VK_READBACK /* the device writes, the host reads */
 } hyi_vk_kind;
@@ -154,6 +154,8 @@ HYI_FN hydra_result hyi_vk_place(hyi_vk *vk, hyi_vk_buffer *buffer, hyi_vk_kind 
     if (!block) HYI_TRY(hyi_vk_new_block(vk, type, need.size, &block));
     hydra_result result = hyi_vk_take_gap(vk, buffer, block, need.size, before, offset);
     if (result != HYDRA_OK) hyi_vk_drop_block_if_empty(vk, block);
+    bool cached = (vk->memory.memoryTypes[type].propertyFlags & VK_MEMORY_PROPERTY_HOST_CACHED_BIT) != 0;
+    if (kind == HYI_VK_DEVICE && !cached) buffer->mapped = NULL; /* reading there is slower than a copy by the device */
     return result;
 }
 
