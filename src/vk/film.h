@@ -103,7 +103,17 @@ HYI_FN hydra_result hyi_vk_send_placed(hyi_vk *vk, hyi_vk_film *f, const hydra_s
 
 HYI_FN uint32_t hyi_vk_film_features(const hyi_film *film) { return film->planes_wanted | (film->ids_wanted ? HYK_FILM_HAS_IDS : 0u); }
 
+HYI_FN hydra_result hyi_vk_get_resolver(hyi_vk *vk, VkPipeline *pipeline) {
+    hyi_vk_shape shape;
+    memset(&shape, 0, sizeof shape);
+    shape.features = (1u << HYI_PLANE_COUNT) - 1u;
+    return hyi_vk_get_pipeline(vk, HYI_VK_KERNEL_resolve, &shape, pipeline);
+}
+
+/* What a target takes: the kernel too, which no step then has to wait for. */
 HYI_FN hydra_result hyi_vk_make_luminance(hyi_vk *vk, hyi_vk_film *f, size_t bytes) {
+    VkPipeline resolver;
+    HYI_TRY(hyi_vk_get_resolver(vk, &resolver));
     HYI_TRY(hyi_vk_make_buffer(vk, &f->luminance, HYI_VK_DEVICE, bytes, "the film's luminance"));
     return f->luminance.mapped ? HYDRA_OK : hyi_vk_make_buffer(vk, &f->told_luminance, HYI_VK_READBACK, bytes, "the film's luminance");
 }
@@ -342,12 +352,9 @@ HYI_FN hydra_result hyi_vk_send_tiles(hydra_render *render, hyi_vk *vk, hyi_vk_f
 HYI_FN hydra_result hyi_vk_record_resolve(hydra_render *render, hyi_vk *vk, hyi_vk_film *f, const hyi_vk_buffer *picture, uint32_t asked, uint32_t count, const hyi_vk_buffer *out) {
     hyi_vk_buffer bound[HYK_FILM_BINDINGS];
     VkPipeline pipeline;
-    hyi_vk_shape shape;
     hyk_film_call call;
-    memset(&shape, 0, sizeof shape);
     memset(&call, 0, sizeof call);
-    shape.features = (1u << HYI_PLANE_COUNT) - 1u;
-    HYI_TRY(hyi_vk_get_pipeline(vk, HYI_VK_KERNEL_resolve, &shape, &pipeline));
+    HYI_TRY(hyi_vk_get_resolver(vk, &pipeline));
     HYI_TRY(hyi_vk_send_tiles(render, vk, f));
     HYI_TRY(hyi_vk_begin(vk, &f->commands));
     hyi_vk_bind_film(f, picture, bound);
