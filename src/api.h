@@ -678,7 +678,8 @@ HYDRA_API hydra_result hydra_render_save(const hydra_render *render, void *buffe
 HYDRA_API hydra_result hydra_render_merge(hydra_render *render, const void *film, size_t size);
 
 /* What a render would take of the host's memory, before it is created. On a device context (hydra_vk.h) some kilobytes of
-   the device's bookkeeping come to it. */
+   the device's bookkeeping come to it; where the film is on the device, a second copy of tiles and weights as well (README,
+   Memory: 2 to 12 bytes a pixel). */
 typedef struct hydra_estimate_result {
     size_t bytes_film, bytes_lanes, bytes_sensor, bytes_total;
     uint32_t passes;          /* bits of hydra_pass that will run */

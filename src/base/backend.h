@@ -9,7 +9,6 @@
 
 struct hyk_hit;
 
-
 /* Any of them may be called only while the object it is about lives. Those that fail say why in the context's text, but
    for trace, which many threads may call. */
 typedef struct hyi_backend {

@@ -21,7 +21,8 @@ WHAT IT DOES
   compiler, and nothing is linked: the loader is opened at run time. Mesa's lavapipe, which is a processor, will do.
   Scenes are committed on the processor. Samples are added up on the device (hydra_vk_desc.film), by the same exact sums, so
   films can be saved, merged and resumed as ever, and adaptive tiles, budgets and error bars are the same. With a fixed count
-  of samples only counters come back, until somebody reads: hydra_vk_render_write fills a buffer of the device without that.
+  of samples only counters come back, until the host needs the film: hydra_render_read, _save and _merge do, and so does
+  hydra_render_status when it makes its errors anew. hydra_vk_render_write fills a buffer of the device without that.
 
 WHAT IT DOES NOT
   It draws nothing on a screen, and uses no hardware ray tracing units. A picture is made by one device.
@@ -79,7 +80,9 @@ typedef struct hydra_vk_device_info {
     char lacks[128];       /* what it has not that hydra needs; "": nothing */
 } hydra_vk_device_info;
 
-/* Where samples are added up. The sums are exact, so both give the same film, to the bit. */
+/* Where samples are added up. The sums are exact, so both give the same film, to the bit (see EQUALITY). A device's film
+   takes some bytes a pixel there (hydra_status.bytes_film, less tiles) beside the host's, and while it goes up or down as
+   much again of memory that both see, where that is not the same memory anyway. */
 typedef enum hydra_vk_film {
     HYDRA_VK_FILM_AUTO,  /* on the device; on the host where the device is a processor, where a binding of the device is too
                             small for the film, or where that would take more than a quarter of its memory or of memory_cap */
@@ -154,7 +157,7 @@ typedef struct hydra_vk_info {
     uint64_t bytes_now, bytes_peak;  /* device memory */
     uint32_t pipelines;              /* made so far: kernels times sets of requirements */
     double seconds_start;            /* loader, instance and device */
-    double seconds_pipelines;        /* making them; part of hydra_render_create, and of the first ray query */
+    double seconds_pipelines;        /* making them; part of hydra_render_create, and of the first ray query and write */
     uint64_t bytes_read;             /* that the host has read of what the device made: counts, samples, films, hits */
     uint64_t submissions;            /* to the queue, in all */
     uint64_t slices;                 /* those that traced paths or cast rays */
@@ -170,9 +173,11 @@ HYDRA_API hydra_result hydra_vk_get_info(const hydra_context *context, hydra_vk_
    (HYDRA_ERROR_BUFFER: *size was too small). */
 HYDRA_API hydra_result hydra_vk_save_pipelines(const hydra_context *context, void *buffer, size_t *size);
 
-/* As hydra_render_read, into a buffer of the caller's device: the pixels are copied by the device, and the call returns
-   when they are there. offset and row_stride are multiples of 4 (row_stride 0: tight); usage TRANSFER_DST. The caller
-   synchronises his own uses of the buffer before and after. Where the film is on the device, it makes the pixels: the same
+/* As hydra_render_read, with the same errors, into a buffer of the caller's device (hydra_vk_desc.device): the pixels are
+   copied by the device, and the call returns when they are there. The buffer has memory for all rows behind offset, which is
+   not checked, usage TRANSFER_DST, and is the queue family's of the context or shared with it. offset and row_stride are
+   multiples of 4 (row_stride 0: tight), else HYDRA_ERROR_STRIDE. The caller synchronises his own uses of the buffer before
+   and after. Where the film is on the device, it makes the pixels: the same
    bits where its double division rounds correctly. Not HYDRA_ERROR and HYDRA_VALIDITY, for which a pixel's neighbours are
    asked, nor any output between hydra_render_merge and the next step: those the host makes, as it does for films of its own. */
 HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output output, VkBuffer buffer, VkDeviceSize offset, size_t row_stride);
