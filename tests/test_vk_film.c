@@ -312,7 +312,7 @@ static void expect_written(hydra_context *context, uint32_t which) {
     ht_ok(context, ht_finish(render));
     for (int output = 0; output < HYDRA_OUTPUT_COUNT; output++) {
         size_t row = width * hydra_output_size((hydra_output)output), stride = row + (output % 2 ? 16 : 0);
-        if (output == HYDRA_ERROR || output == HYDRA_VALIDITY) continue; /* these follow from more than one pixel */
+        if (output == HYDRA_ERROR || output == HYDRA_VALIDITY) continue; /* these the host makes */
         memset(to.bytes, 0xab, most + 64 * SIDE);
         ht_ok(context, hydra_vk_render_write(render, (hydra_output)output, to.buffer, 4, stride));
         for (uint32_t y = 0; y < height; y++) memcpy(written[output] + y * row, to.bytes + 4 + y * stride, row);

@@ -177,9 +177,9 @@ HYDRA_API hydra_result hydra_vk_save_pipelines(const hydra_context *context, voi
    copied by the device, and the call returns when they are there. The buffer has memory for all rows behind offset, which is
    not checked, usage TRANSFER_DST, and is the queue family's of the context or shared with it. offset and row_stride are
    multiples of 4 (row_stride 0: tight), else HYDRA_ERROR_STRIDE. The caller synchronises his own uses of the buffer before
-   and after. Where the film is on the device, it makes the pixels: the same
-   bits where its double division rounds correctly. Not HYDRA_ERROR and HYDRA_VALIDITY, for which a pixel's neighbours are
-   asked, nor any output between hydra_render_merge and the next step: those the host makes, as it does for films of its own. */
+   and after. Where the film is on the device, it makes the pixels: the same bits where its double division rounds correctly.
+   Not HYDRA_ERROR, for which a pixel's neighbours are asked, nor HYDRA_VALIDITY, nor any output before the first step or
+   between hydra_render_merge and the next one: those the host makes, as it does for films of its own. */
 HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output output, VkBuffer buffer, VkDeviceSize offset, size_t row_stride);
 
 #ifdef __cplusplus
