@@ -18,7 +18,8 @@ hydra_vk.h - v0.1 - hydra.h on Vulkan devices: the same kernels, the same API
 WHAT IT DOES
   Paths are traced and rays are cast on the device, by compute shaders whose SPIR-V is in this file. Any
   Vulkan 1.2 device will do that has what REQUIREMENTS lists; no ray tracing extension is used, no shader
-  compiler, and nothing is linked: the loader is opened at run time. Mesa's lavapipe, which is a processor, will do.
+  compiler, and nothing is linked (-ldl with glibc before 2.34): the loader is opened at run time. Mesa's lavapipe, which is a
+  processor, will do.
   Scenes are committed on the processor. Samples are added up on the device (hydra_vk_desc.film), by the same exact sums, so
   films can be saved, merged and resumed as ever, and adaptive tiles, budgets and error bars are the same. With a fixed count
   of samples only counters come back, until the host needs the film: hydra_render_read, _save and _merge do, and so does
@@ -97,7 +98,7 @@ typedef struct hydra_vk_desc {
     hydra_vk_device_type device_type;
 
     /* Your own Vulkan. vkGetInstanceProcAddr of your loader (with volk: your global); default: the system's loader is
-       opened. With an instance it must be that instance's. */
+       opened. With an instance it must be that instance's: the default will do for one that the system's loader made. */
     PFN_vkGetInstanceProcAddr get_instance_proc_addr;
     VkInstance instance;              /* of Vulkan 1.2 at least */
     /* All or none: a device with shaderFloat64 enabled, and a queue of a family with compute. They stay yours and must
