@@ -144,6 +144,12 @@ HYI_FN hydra_result hyi_film_alloc_parts(hydra_context *context, hyi_film *film)
     return HYDRA_OK;
 }
 
+HYI_FN bool hyi_film_is_empty(const hyi_film *film) {
+    for (size_t i = 0; i < hyi_film_tile_count(film); i++)
+        if (film->tiles[i].taken) return false;
+    return true;
+}
+
 /* film is planned. On failure nothing stays allocated. */
 HYI_FN hydra_result hyi_film_alloc(hydra_context *context, hyi_film *film) {
     hydra_result result = hyi_film_alloc_parts(context, film);

@@ -357,11 +357,7 @@ HYI_FN hydra_result hyi_check_sample_share(hydra_render *r, const hyi_incoming *
     return HYDRA_OK;
 }
 
-HYI_FN bool hyi_render_is_fresh(const hydra_render *r) {
-    for (size_t i = 0; i < hyi_film_tile_count(&r->film); i++)
-        if (r->film.tiles[i].taken) return false;
-    return r->range_count == 0;
-}
+HYI_FN bool hyi_render_is_fresh(const hydra_render *r) { return hyi_film_is_empty(&r->film) && r->range_count == 0; }
 
 HYI_FN hydra_result hyi_check_tile_share(hydra_render *r, const hyi_incoming *in) {
     bool fresh = hyi_render_is_fresh(r);

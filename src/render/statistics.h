@@ -167,11 +167,11 @@ HYI_FN double hyi_error_spread(const hyi_error_sums *s, double square) {
 }
 
 /* The interval is for the real error of this picture: its square scatters about its mean as much as the estimate does.
-   A film that cannot be had leaves the last report as it was. */
+   A film that cannot be had leaves the last report as it was; one that was lost, and is empty again, has none. */
 HYI_FN void hyi_make_report(hydra_render *r) {
     double start = hyi_seconds();
     hyi_error_sums sums;
-    if (hyi_sync_film(r, false) != HYDRA_OK) return;
+    if (hyi_sync_film(r, false) != HYDRA_OK || hyi_film_is_empty(&r->film)) return;
     memset(&sums, 0, sizeof sums);
     sums.brightness = hyi_brightness(&r->film, NULL);
     hyi_each_block(&r->film, hyi_add_block_error, &sums);
