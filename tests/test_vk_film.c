@@ -530,6 +530,25 @@ static void lose(const picture *p, uint64_t way, unsigned char *film, size_t *si
     vkt_close(&h);
 }
 
+/* Lost while a status fetches the film for the first time: there is no error then, least of all one of 0. */
+static void lose_in_status(void) {
+    vkt_host h;
+    hydra_vk_desc desc = staged_film(0.03);
+    desc.film = HYDRA_VK_FILM_DEVICE;
+    picture p = small_picture();
+    p.desc.target_error = 0;
+    hydra_context *context = vkt_open(&h, &desc, 1);
+    hydra_scene *scene = make_scene(context, p.of);
+    hydra_render *render = make_render(scene, p);
+    ht_ok(context, ht_finish(render));
+    arm(1, "vkWaitForFences", VK_ERROR_DEVICE_LOST);
+    assert_true(hydra_render_status(render).error == HUGE_VAL);
+    assert_true(vkt_info(context).lost && hydra_render_status(render).samples == 0);
+    hydra_render_destroy(render);
+    assert_int_equal(hydra_scene_destroy(scene), HYDRA_OK);
+    vkt_close(&h);
+}
+
 static void test_lost(void **state) {
     (void)state;
     static unsigned char film[1 << 18];
@@ -546,6 +565,7 @@ static void test_lost(void **state) {
         expect_film(contexts[HOST], render, &truth, "after a loss");
         hydra_render_destroy(render);
     }
+    lose_in_status();
     assert_int_equal(hydra_scene_destroy(scene), HYDRA_OK);
     free(truth.at);
 }
