@@ -680,7 +680,8 @@ HYDRA_API hydra_result hydra_render_save(const hydra_render *render, void *buffe
 HYDRA_API hydra_result hydra_render_merge(hydra_render *render, const void *film, size_t size);
 
 /* What a render would take of the host's memory, before it is created. On a device context (hydra_vk.h) some kilobytes of
-   the device's bookkeeping come to it. */
+   the device's bookkeeping come to it; where the film is on the device, a second copy of tiles and weights as well (README,
+   Memory: 2 to 12 bytes a pixel). */
 typedef struct hydra_estimate_result {
     size_t bytes_film, bytes_lanes, bytes_sensor, bytes_total;
     uint32_t passes;          /* bits of hydra_pass that will run */
@@ -1337,7 +1338,6 @@ HYI_FN void hyi_parallel(const hydra_context *context, uint32_t count, hyi_task 
 #define HYI_BACKEND_H
 
 struct hyk_hit;
-
 
 /* Any of them may be called only while the object it is about lives. Those that fail say why in the context's text, but
    for trace, which many threads may call. */
@@ -18710,6 +18710,12 @@ HYI_FN hydra_result hyi_film_alloc_parts(hydra_context *context, hyi_film *film)
     return HYDRA_OK;
 }
 
+HYI_FN bool hyi_film_is_empty(const hyi_film *film) {
+    for (size_t i = 0; i < hyi_film_tile_count(film); i++)
+        if (film->tiles[i].taken) return false;
+    return true;
+}
+
 /* film is planned. On failure nothing stays allocated. */
 HYI_FN hydra_result hyi_film_alloc(hydra_context *context, hyi_film *film) {
     hydra_result result = hyi_film_alloc_parts(context, film);
@@ -19699,11 +19705,11 @@ HYI_FN double hyi_error_spread(const hyi_error_sums *s, double square) {
 }
 
 /* The interval is for the real error of this picture: its square scatters about its mean as much as the estimate does.
-   A film that cannot be had leaves the last report as it was. */
+   A film that cannot be had leaves the last report as it was; one that was lost, and is empty again, has none. */
 HYI_FN void hyi_make_report(hydra_render *r) {
     double start = hyi_seconds();
     hyi_error_sums sums;
-    if (hyi_sync_film(r, false) != HYDRA_OK) return;
+    if (hyi_sync_film(r, false) != HYDRA_OK || hyi_film_is_empty(&r->film)) return;
     memset(&sums, 0, sizeof sums);
     sums.brightness = hyi_brightness(&r->film, NULL);
     hyi_each_block(&r->film, hyi_add_block_error, &sums);
@@ -20300,11 +20306,7 @@ HYI_FN hydra_result hyi_check_sample_share(hydra_render *r, const hyi_incoming *
     return HYDRA_OK;
 }
 
-HYI_FN bool hyi_render_is_fresh(const hydra_render *r) {
-    for (size_t i = 0; i < hyi_film_tile_count(&r->film); i++)
-        if (r->film.tiles[i].taken) return false;
-    return r->range_count == 0;
-}
+HYI_FN bool hyi_render_is_fresh(const hydra_render *r) { return hyi_film_is_empty(&r->film) && r->range_count == 0; }
 
 HYI_FN hydra_result hyi_check_tile_share(hydra_render *r, const hyi_incoming *in) {
     bool fresh = hyi_render_is_fresh(r);

@@ -20,10 +20,12 @@ hydra_vk.h - v0.1 - hydra.h on Vulkan devices: the same kernels, the same API
 WHAT IT DOES
   Paths are traced and rays are cast on the device, by compute shaders whose SPIR-V is in this file. Any
   Vulkan 1.2 device will do that has what REQUIREMENTS lists; no ray tracing extension is used, no shader
-  compiler, and nothing is linked: the loader is opened at run time. Mesa's lavapipe, which is a processor, will do.
+  compiler, and nothing is linked (-ldl with glibc before 2.34): the loader is opened at run time. Mesa's lavapipe, which is a
+  processor, will do.
   Scenes are committed on the processor. Samples are added up on the device (hydra_vk_desc.film), by the same exact sums, so
   films can be saved, merged and resumed as ever, and adaptive tiles, budgets and error bars are the same. With a fixed count
-  of samples only counters come back, until somebody reads: hydra_vk_render_write fills a buffer of the device without that.
+  of samples only counters come back, until the host needs the film: hydra_render_read, _save and _merge do, and so does
+  hydra_render_status when it makes its errors anew. hydra_vk_render_write fills a buffer of the device without that.
 
 WHAT IT DOES NOT
   It draws nothing on a screen, and uses no hardware ray tracing units. A picture is made by one device.
@@ -81,7 +83,9 @@ typedef struct hydra_vk_device_info {
     char lacks[128];       /* what it has not that hydra needs; "": nothing */
 } hydra_vk_device_info;
 
-/* Where samples are added up. The sums are exact, so both give the same film, to the bit. */
+/* Where samples are added up. The sums are exact, so both give the same film, to the bit (see EQUALITY). A device's film
+   takes some bytes a pixel there (hydra_status.bytes_film, less tiles) beside the host's, and while it goes up or down as
+   much again of memory that both see, where that is not the same memory anyway. */
 typedef enum hydra_vk_film {
     HYDRA_VK_FILM_AUTO,  /* on the device; on the host where the device is a processor, where a binding of the device is too
                             small for the film, or where that would take more than a quarter of its memory or of memory_cap */
@@ -96,7 +100,7 @@ typedef struct hydra_vk_desc {
     hydra_vk_device_type device_type;
 
     /* Your own Vulkan. vkGetInstanceProcAddr of your loader (with volk: your global); default: the system's loader is
-       opened. With an instance it must be that instance's. */
+       opened. With an instance it must be that instance's: the default will do for one that the system's loader made. */
     PFN_vkGetInstanceProcAddr get_instance_proc_addr;
     VkInstance instance;              /* of Vulkan 1.2 at least */
     /* All or none: a device with shaderFloat64 enabled, and a queue of a family with compute. They stay yours and must
@@ -156,7 +160,7 @@ typedef struct hydra_vk_info {
     uint64_t bytes_now, bytes_peak;  /* device memory */
     uint32_t pipelines;              /* made so far: kernels times sets of requirements */
     double seconds_start;            /* loader, instance and device */
-    double seconds_pipelines;        /* making them; part of hydra_render_create, and of the first ray query */
+    double seconds_pipelines;        /* making them; part of hydra_render_create, and of the first ray query and write */
     uint64_t bytes_read;             /* that the host has read of what the device made: counts, samples, films, hits */
     uint64_t submissions;            /* to the queue, in all */
     uint64_t slices;                 /* those that traced paths or cast rays */
@@ -172,11 +176,13 @@ HYDRA_API hydra_result hydra_vk_get_info(const hydra_context *context, hydra_vk_
    (HYDRA_ERROR_BUFFER: *size was too small). */
 HYDRA_API hydra_result hydra_vk_save_pipelines(const hydra_context *context, void *buffer, size_t *size);
 
-/* As hydra_render_read, into a buffer of the caller's device: the pixels are copied by the device, and the call returns
-   when they are there. offset and row_stride are multiples of 4 (row_stride 0: tight); usage TRANSFER_DST. The caller
-   synchronises his own uses of the buffer before and after. Where the film is on the device, it makes the pixels: the same
-   bits where its double division rounds correctly. Not HYDRA_ERROR and HYDRA_VALIDITY, for which a pixel's neighbours are
-   asked, nor any output between hydra_render_merge and the next step: those the host makes, as it does for films of its own. */
+/* As hydra_render_read, with the same errors, into a buffer of the caller's device (hydra_vk_desc.device): the pixels are
+   copied by the device, and the call returns when they are there. The buffer has memory for all rows behind offset, which is
+   not checked, usage TRANSFER_DST, and is the queue family's of the context or shared with it. offset and row_stride are
+   multiples of 4 (row_stride 0: tight), else HYDRA_ERROR_STRIDE. The caller synchronises his own uses of the buffer before
+   and after. Where the film is on the device, it makes the pixels: the same bits where its double division rounds correctly.
+   Not HYDRA_ERROR, for which a pixel's neighbours are asked, nor HYDRA_VALIDITY, nor any output before the first step or
+   between hydra_render_merge and the next one: those the host makes, as it does for films of its own. */
 HYDRA_API hydra_result hydra_vk_render_write(hydra_render *render, hydra_output output, VkBuffer buffer, VkDeviceSize offset, size_t row_stride);
 
 #ifdef __cplusplus
@@ -1059,7 +1065,7 @@ struct hyi_vk_block {
 };
 
 typedef enum hyi_vk_kind {
-    HYI_VK_DEVICE,  /* on the device; mapped where host and device share their memory */
+    HYI_VK_DEVICE,  /* on the device; mapped where host and device share their memory, and the host caches it */
     HYI_VK_UPLOAD,  /* the host writes, the device reads */
     HYI_VK_READBACK /* the device writes, the host reads */
 } hyi_vk_kind;
@@ -1190,6 +1196,8 @@ HYI_FN hydra_result hyi_vk_place(hyi_vk *vk, hyi_vk_buffer *buffer, hyi_vk_kind 
     if (!block) HYI_TRY(hyi_vk_new_block(vk, type, need.size, &block));
     hydra_result result = hyi_vk_take_gap(vk, buffer, block, need.size, before, offset);
     if (result != HYDRA_OK) hyi_vk_drop_block_if_empty(vk, block);
+    bool cached = (vk->memory.memoryTypes[type].propertyFlags & VK_MEMORY_PROPERTY_HOST_CACHED_BIT) != 0;
+    if (kind == HYI_VK_DEVICE && !cached) buffer->mapped = NULL; /* reading there is slower than a copy by the device */
     return result;
 }
 
@@ -25741,7 +25749,17 @@ HYI_FN hydra_result hyi_vk_send_placed(hyi_vk *vk, hyi_vk_film *f, const hydra_s
 
 HYI_FN uint32_t hyi_vk_film_features(const hyi_film *film) { return film->planes_wanted | (film->ids_wanted ? HYK_FILM_HAS_IDS : 0u); }
 
+HYI_FN hydra_result hyi_vk_get_resolver(hyi_vk *vk, VkPipeline *pipeline) {
+    hyi_vk_shape shape;
+    memset(&shape, 0, sizeof shape);
+    shape.features = (1u << HYI_PLANE_COUNT) - 1u;
+    return hyi_vk_get_pipeline(vk, HYI_VK_KERNEL_resolve, &shape, pipeline);
+}
+
+/* What a target takes: the kernel too, which no step then has to wait for. */
 HYI_FN hydra_result hyi_vk_make_luminance(hyi_vk *vk, hyi_vk_film *f, size_t bytes) {
+    VkPipeline resolver;
+    HYI_TRY(hyi_vk_get_resolver(vk, &resolver));
     HYI_TRY(hyi_vk_make_buffer(vk, &f->luminance, HYI_VK_DEVICE, bytes, "the film's luminance"));
     return f->luminance.mapped ? HYDRA_OK : hyi_vk_make_buffer(vk, &f->told_luminance, HYI_VK_READBACK, bytes, "the film's luminance");
 }
@@ -25857,50 +25875,52 @@ HYI_FN bool hyi_vk_parts_are_mapped(const hyi_vk_film_part *parts, uint32_t coun
     return true;
 }
 
-/* Between the film's buffers and one stage, part after part. */
-HYI_FN hydra_result hyi_vk_move_parts(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count, const hyi_vk_buffer *stage, bool up) {
+/* Between the film's buffers and stages: one for each part, since no more memory is promised in one piece than a binding of
+   the device had. */
+HYI_FN hydra_result hyi_vk_make_stages(hyi_vk *vk, const hyi_vk_film_part *parts, uint32_t count, hyi_vk_buffer *stages, bool up) {
+    for (uint32_t i = 0; i < count; i++)
+        if (parts[i].bytes) HYI_TRY(hyi_vk_make_buffer(vk, &stages[i], up ? HYI_VK_UPLOAD : HYI_VK_READBACK, parts[i].bytes, "the film on its way"));
+    return HYDRA_OK;
+}
+
+HYI_FN hydra_result hyi_vk_move_parts(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count, const hyi_vk_buffer *stages, bool up) {
     double seconds;
-    VkDeviceSize at = 0;
     HYI_TRY(hyi_vk_begin(vk, c));
-    for (uint32_t i = 0; i < count; i++) {
-        VkBufferCopy region = { up ? at : 0, up ? 0 : at, parts[i].bytes };
-        at += parts[i].bytes;
-        if (!parts[i].bytes) continue;
-        vk->f.CmdCopyBuffer(c->buffer, up ? stage->buffer : parts[i].buffer->buffer, up ? parts[i].buffer->buffer : stage->buffer, 1, &region);
-    }
+    for (uint32_t i = 0; i < count; i++)
+        if (parts[i].bytes) hyi_vk_copy(vk, c, up ? &stages[i] : parts[i].buffer, up ? parts[i].buffer : &stages[i], parts[i].bytes);
     if (up) hyi_vk_barrier(vk, c);
     else hyi_vk_barrier_to_host(vk, c);
     HYI_TRY(hyi_vk_submit(vk, c));
     return hyi_vk_wait(vk, c, &seconds);
 }
 
-HYI_FN void hyi_vk_copy_parts(const hyi_vk_film_part *parts, uint32_t count, char *stage, bool up) {
-    for (uint32_t i = 0; i < count; stage += stage ? parts[i].bytes : 0, i++) {
-        void *device = stage ? stage : parts[i].buffer->mapped;
+/* stages NULL: the parts themselves are mapped. */
+HYI_FN void hyi_vk_copy_parts(const hyi_vk_film_part *parts, uint32_t count, const hyi_vk_buffer *stages, bool up) {
+    for (uint32_t i = 0; i < count; i++) {
+        void *device = stages ? stages[i].mapped : parts[i].buffer->mapped;
         if (parts[i].bytes && up) memcpy(device, parts[i].host, parts[i].bytes);
         if (parts[i].bytes && !up) memcpy(parts[i].host, device, parts[i].bytes);
     }
 }
 
+HYI_FN hydra_result hyi_vk_transfer_staged(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count, bool up) {
+    hyi_vk_buffer stages[HYI_VK_FILM_PARTS];
+    memset(stages, 0, sizeof stages);
+    hydra_result result = hyi_vk_make_stages(vk, parts, count, stages, up);
+    if (result == HYDRA_OK && up) hyi_vk_copy_parts(parts, count, stages, true);
+    if (result == HYDRA_OK) result = hyi_vk_move_parts(vk, c, parts, count, stages, up);
+    if (result == HYDRA_OK && !up) hyi_vk_copy_parts(parts, count, stages, false);
+    hyi_vk_drain(vk, c);
+    for (uint32_t i = 0; i < count; i++) hyi_vk_free_buffer(vk, &stages[i]);
+    return result;
+}
+
 /* The host's film changes as a whole, or not at all. */
 HYI_FN hydra_result hyi_vk_transfer(hyi_vk *vk, hyi_vk_commands *c, const hyi_vk_film_part *parts, uint32_t count, bool up) {
-    hyi_vk_buffer stage;
-    VkDeviceSize bytes = 0;
-    for (uint32_t i = 0; i < count; i++) bytes += parts[i].bytes;
-    hydra_result result = HYDRA_OK;
-    memset(&stage, 0, sizeof stage);
-    if (hyi_vk_parts_are_mapped(parts, count)) {
-        hyi_vk_copy_parts(parts, count, NULL, up);
-    } else {
-        HYI_TRY(hyi_vk_make_buffer(vk, &stage, up ? HYI_VK_UPLOAD : HYI_VK_READBACK, bytes, "the film on its way"));
-        if (up) hyi_vk_copy_parts(parts, count, (char *)stage.mapped, true);
-        result = hyi_vk_move_parts(vk, c, parts, count, &stage, up);
-        if (result == HYDRA_OK && !up) hyi_vk_copy_parts(parts, count, (char *)stage.mapped, false);
-        hyi_vk_drain(vk, c);
-        hyi_vk_free_buffer(vk, &stage);
-    }
-    if (result == HYDRA_OK && !up) hyi_vk_count_read(vk, bytes);
-    return result;
+    if (hyi_vk_parts_are_mapped(parts, count)) hyi_vk_copy_parts(parts, count, NULL, up);
+    else HYI_TRY(hyi_vk_transfer_staged(vk, c, parts, count, up));
+    for (uint32_t i = 0; i < count && !up; i++) hyi_vk_count_read(vk, parts[i].bytes);
+    return HYDRA_OK;
 }
 
 /* A film without samples: zeros, but for ids, which are sent. */
@@ -25978,12 +25998,9 @@ HYI_FN hydra_result hyi_vk_send_tiles(hydra_render *render, hyi_vk *vk, hyi_vk_f
 HYI_FN hydra_result hyi_vk_record_resolve(hydra_render *render, hyi_vk *vk, hyi_vk_film *f, const hyi_vk_buffer *picture, uint32_t asked, uint32_t count, const hyi_vk_buffer *out) {
     hyi_vk_buffer bound[HYK_FILM_BINDINGS];
     VkPipeline pipeline;
-    hyi_vk_shape shape;
     hyk_film_call call;
-    memset(&shape, 0, sizeof shape);
     memset(&call, 0, sizeof call);
-    shape.features = (1u << HYI_PLANE_COUNT) - 1u;
-    HYI_TRY(hyi_vk_get_pipeline(vk, HYI_VK_KERNEL_resolve, &shape, &pipeline));
+    HYI_TRY(hyi_vk_get_resolver(vk, &pipeline));
     HYI_TRY(hyi_vk_send_tiles(render, vk, f));
     HYI_TRY(hyi_vk_begin(vk, &f->commands));
     hyi_vk_bind_film(f, picture, bound);
@@ -26246,6 +26263,7 @@ HYI_FN hydra_result hyi_vk_fill_render(hydra_render *render, hyi_vk_render *r) {
 }
 
 HYI_FN void hyi_vk_free_batch(hyi_vk_render *r, hyi_vk_batch *b) {
+    hyi_vk_free_commands(r->vk, &b->commands); /* first: it waits for what uses the rest */
     hyi_vk_free_set(r->vk, &b->set);
     for (uint32_t i = 0; i < HYK_PASS_BINDINGS; i++) hyi_vk_free_buffer(r->vk, &b->buffers[i]);
     hyi_vk_free_buffer(r->vk, &b->told_counts);
@@ -26256,7 +26274,6 @@ HYI_FN void hyi_vk_free_batch(hyi_vk_render *r, hyi_vk_batch *b) {
     hyi_vk_free_buffer(r->vk, &b->scatters);
     hyi_vk_free_buffer(r->vk, &b->told_scatters);
     hyi_free_array(r->vk->context, &b->film_units, r->units_most);
-    hyi_vk_free_commands(r->vk, &b->commands);
     hyi_free_array(r->vk->context, &b->units, r->units_most);
     hyi_free_array(r->vk->context, &b->tiles, r->units_most);
 }
@@ -26562,6 +26579,12 @@ HYI_FN void hyi_vk_lose(hyi_vk_render *r) {
     hyi_vk_lose_film(r->render, &r->film);
 }
 
+HYI_FN hydra_result hyi_vk_settle_or_lose(hyi_vk_render *r) {
+    hydra_result result = hyi_vk_settle(r);
+    if (result == HYDRA_ERROR_DEVICE_LOST) hyi_vk_lose(r);
+    return result;
+}
+
 /* NULL where the host's film is as good. */
 HYI_FN hydra_result hyi_vk_measure_film(hydra_render *render, const double **luminance) {
     hyi_vk_render *r = (hyi_vk_render *)render->device;
@@ -26632,9 +26655,9 @@ HYI_FN hydra_result hyi_vk_start_idle(hydra_render *render, hyi_vk_render *r, ui
 
 HYI_FN hydra_result hyi_vk_work(hydra_render *render) {
     hyi_vk_render *r = (hyi_vk_render *)render->device;
-    hydra_result result = hyi_vk_settle(r);
-    if (result == HYDRA_OK) result = hyi_vk_start_idle(render, r, 0); /* progress even when a step is shorter than a batch */
     uint32_t oldest = 0;
+    HYI_TRY(hyi_vk_settle_or_lose(r)); /* nothing else is on its way yet: the schedule stays as it is */
+    hydra_result result = hyi_vk_start_idle(render, r, oldest); /* progress even when a step is shorter than a batch */
     while (result == HYDRA_OK && r->batches[oldest].unit_count && !hyi_atomic_load(&render->cancel)) {
         result = hyi_vk_advance_all(render, r, &oldest);
         if (result == HYDRA_OK && !hyi_must_stop(render)) result = hyi_vk_start_idle(render, r, oldest);
@@ -26666,11 +26689,11 @@ struct hyi_vk_asker {
 HYI_FN void hyi_vk_free_asker(hyi_vk *vk) {
     hyi_vk_asker *a = vk->asker;
     if (!a) return;
+    hyi_vk_free_commands(vk, &a->commands); /* first: it waits for what uses the rest */
     hyi_vk_free_set(vk, &a->set);
     for (uint32_t i = 0; i < HYK_PASS_BINDINGS; i++) hyi_vk_free_buffer(vk, &a->buffers[i]);
     hyi_vk_free_buffer(vk, &a->up);
     hyi_vk_free_buffer(vk, &a->down);
-    hyi_vk_free_commands(vk, &a->commands);
     hyi_free_array(vk->context, &vk->asker, 1);
 }
 
