@@ -5,6 +5,7 @@
 #include "passes.glsl"
 #include "tree.h"
 
+#define HYK_RUNS_OF_GROUPS /* lavapipe's threads share a dispatch evenly before it begins */
 layout(set = 0, binding = HYK_BINDING_NODE_TEXELS) uniform utextureBuffer hyk_nodes;
 layout(set = 0, binding = HYK_BINDING_SLOT_TEXELS) uniform textureBuffer hyk_slots;
 uvec4 hyk_node_words(uint i) { return texelFetch(hyk_nodes, int(i)); }
