@@ -312,8 +312,8 @@ HYDRA_API hydra_result hydra_scene_update_material(hydra_scene *scene, hydra_mat
 /* How much work a tree over triangles (BVH) is worth. Hits are the same with any. */
 typedef enum hydra_build {
     HYDRA_BUILD_AUTO, /* BEST; FAST for dynamic meshes */
-    HYDRA_BUILD_FAST, /* a sixth of the time; rays then take some 8 % longer (Sponza; up to 15 % in other scenes): for
-                         geometry that changes often */
+    HYDRA_BUILD_FAST, /* a third to an eighth of the time; rays then take 4 to 15 % longer (make bench-rays): for geometry
+                         that changes often */
     HYDRA_BUILD_BEST  /* spatial splits, and subtrees moved to where they cost least: for geometry that stays */
 } hydra_build;
 
@@ -6176,10 +6176,10 @@ HYI_INLINE hyi_walker hyi_take_unit(const hyi_ref *unit) {
 }
 
 /* What merging two neighbours adds to the cost of the tree. */
-HYI_INLINE float hyi_merge_loss(const hyi_walker *a, const hyi_walker *b) {
+HYI_INLINE float hyi_merge_loss(const hyi_walker *a, const hyi_walker *b, uint32_t most) {
     hyi_bounds box = a->box;
     uint32_t count = a->count + b->count;
-    if (count > HYI_LEAF_MAX) return FLT_MAX;
+    if (count > most) return FLT_MAX;
     hyi_bounds_add(&box, b->box.lower, b->box.upper);
     float area = hyi_bounds_area(&box);
     return area * (HYI_UNIT_VISIT - HYI_UNIT_PLACE + HYI_UNIT_TRIANGLE * (float)count) - a->cost - b->cost;
@@ -6188,7 +6188,7 @@ HYI_INLINE float hyi_merge_loss(const hyi_walker *a, const hyi_walker *b) {
 /* Three neighbours, and what merging each with the next would lose; FLT_MAX: there is no next. */
 typedef struct hyi_merge {
     const hyi_ref *units;
-    uint32_t count, at;
+    uint32_t count, at, most; /* most: triangles of a unit */
     hyi_walker a, b, c;
     float before, here, after;
 } hyi_merge;
@@ -6196,15 +6196,16 @@ typedef struct hyi_merge {
 HYI_INLINE float hyi_look_ahead(const hyi_merge *merge, uint32_t ahead, const hyi_walker *from, hyi_walker *to) {
     if (merge->at + ahead >= merge->count) return FLT_MAX;
     *to = hyi_take_unit(&merge->units[merge->at + ahead]);
-    return hyi_merge_loss(from, to);
+    return hyi_merge_loss(from, to, merge->most);
 }
 
 /* Merges each pair of neighbours that no other neighbour suits better; returns how many units are left. */
-HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count) {
+HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count, uint32_t most) {
     hyi_merge m;
     uint32_t left = 0;
     m.units = units;
     m.count = count;
+    m.most = most;
     m.at = 0;
     m.a = m.b = m.c = hyi_take_unit(&units[0]);
     m.before = FLT_MAX;
@@ -6249,7 +6250,7 @@ HYI_FN void hyi_merge_chunk(void *argument, uint32_t chunk) {
     }
     do {
         before = count;
-        count = hyi_merge_pass(room, count);
+        count = hyi_merge_pass(room, count, build->leaf_max);
     } while (count < before);
     build->chunks[chunk].kept = count;
 }
@@ -7921,7 +7922,7 @@ HYI_FN void hyi_build_describe(hyi_build *build, hydra_context *context, const f
 }
 
 /* positions: x, y, z tightly packed and finite; indices: three a triangle, in range; quality: BEST or FAST. The tree
-   depends on these alone, not on threads. Degenerate triangles are dropped and counted. With BEST a triangle may
+   depends on these alone, and on whether a device will walk it, not on threads. Degenerate triangles are dropped and counted. With BEST a triangle may
    stand in several leaves. */
 HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
                                             uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {
@@ -19786,10 +19787,9 @@ HYDRA_API hydra_status hydra_render_status(hydra_render *render) {
     status.seconds = render->seconds;
     status.seconds_left = status.fraction > 0.0 ? render->seconds * (1.0 - status.fraction) / status.fraction : HUGE_VAL;
     status.error = status.error_low = status.error_high = HUGE_VAL;
-    if (status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0) {
-        hyi_refresh_report(render);
-    }
-    if (status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0 && render->report.made_at >= 0.0) {
+    bool reports = status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0;
+    if (reports) hyi_refresh_report(render);
+    if (reports && render->report.made_at >= 0.0) {
         status.error = render->report.error;
         status.error_low = render->report.low;
         status.error_high = render->report.high;

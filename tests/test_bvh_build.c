@@ -424,6 +424,34 @@ static void bb_expect_same(const hyi_bvh *a, const hyi_bvh *b) {
     assert_memory_equal(a->rows, b->rows, hyi_bvh_row_floats(a->slot_count) * sizeof(float));
 }
 
+static uint32_t bb_largest_leaf(const hyi_bvh *bvh) {
+    uint32_t largest = 0;
+    for (uint32_t n = 0; n < bvh->node_count; n++) {
+        for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+            uint32_t child = hyi_node_child(bvh, n, c);
+            if (child != HYI_CHILD_NONE && hyi_child_is_leaf(child) && hyi_leaf_count(child) > largest) largest = hyi_leaf_count(child);
+        }
+    }
+    return largest;
+}
+
+/* Lanes of a device meet a leaf's triangles one after the other. Catches: a builder with a limit of its own. */
+static void leaves_end_at_their_limit(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(96);
+    ht_mesh mesh = ht_soup(&rng, 20000, 1, 0.03f);
+    for (int k = 0; k < 4; k++) {
+        tb_host host;
+        tb_open(&host);
+        host.context.device = k < 2 ? &host : NULL;
+        hyi_bvh bvh = bb_build(&host, &mesh, k % 2 ? HYDRA_BUILD_BEST : HYDRA_BUILD_FAST);
+        assert_int_equal(bb_largest_leaf(&bvh), k < 2 ? HYI_LEAF_MAX_DEVICE : HYI_LEAF_MAX);
+        hyi_bvh_free(&host.context, &bvh);
+        tb_close(&host);
+    }
+    ht_mesh_free(&mesh);
+}
+
 static void any_order_of_work_builds_the_same(void **state) {
     (void)state;
     static const uint32_t threads[5] = {1, 1, 2, 3, 7};
@@ -489,6 +517,7 @@ int hydra_test_bvh_build(void) {
         cmocka_unit_test(units_are_leaves_of_a_few),
         cmocka_unit_test(quick_trees_are_good_ones),
         cmocka_unit_test(both_qualities_find_the_same),
+        cmocka_unit_test(leaves_end_at_their_limit),
         cmocka_unit_test(any_order_of_work_builds_the_same),
         cmocka_unit_test(failing_memory_leaks_nothing),
     };

@@ -58,7 +58,7 @@ HYI_FN void hyi_build_describe(hyi_build *build, hydra_context *context, const f
 }
 
 /* positions: x, y, z tightly packed and finite; indices: three a triangle, in range; quality: BEST or FAST. The tree
-   depends on these alone, not on threads. Degenerate triangles are dropped and counted. With BEST a triangle may
+   depends on these alone, and on whether a device will walk it, not on threads. Degenerate triangles are dropped and counted. With BEST a triangle may
    stand in several leaves. */
 HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
                                             uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {

@@ -48,10 +48,10 @@ HYI_INLINE hyi_walker hyi_take_unit(const hyi_ref *unit) {
 }
 
 /* What merging two neighbours adds to the cost of the tree. */
-HYI_INLINE float hyi_merge_loss(const hyi_walker *a, const hyi_walker *b) {
+HYI_INLINE float hyi_merge_loss(const hyi_walker *a, const hyi_walker *b, uint32_t most) {
     hyi_bounds box = a->box;
     uint32_t count = a->count + b->count;
-    if (count > HYI_LEAF_MAX) return FLT_MAX;
+    if (count > most) return FLT_MAX;
     hyi_bounds_add(&box, b->box.lower, b->box.upper);
     float area = hyi_bounds_area(&box);
     return area * (HYI_UNIT_VISIT - HYI_UNIT_PLACE + HYI_UNIT_TRIANGLE * (float)count) - a->cost - b->cost;
@@ -60,7 +60,7 @@ HYI_INLINE float hyi_merge_loss(const hyi_walker *a, const hyi_walker *b) {
 /* Three neighbours, and what merging each with the next would lose; FLT_MAX: there is no next. */
 typedef struct hyi_merge {
     const hyi_ref *units;
-    uint32_t count, at;
+    uint32_t count, at, most; /* most: triangles of a unit */
     hyi_walker a, b, c;
     float before, here, after;
 } hyi_merge;
@@ -68,15 +68,16 @@ typedef struct hyi_merge {
 HYI_INLINE float hyi_look_ahead(const hyi_merge *merge, uint32_t ahead, const hyi_walker *from, hyi_walker *to) {
     if (merge->at + ahead >= merge->count) return FLT_MAX;
     *to = hyi_take_unit(&merge->units[merge->at + ahead]);
-    return hyi_merge_loss(from, to);
+    return hyi_merge_loss(from, to, merge->most);
 }
 
 /* Merges each pair of neighbours that no other neighbour suits better; returns how many units are left. */
-HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count) {
+HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count, uint32_t most) {
     hyi_merge m;
     uint32_t left = 0;
     m.units = units;
     m.count = count;
+    m.most = most;
     m.at = 0;
     m.a = m.b = m.c = hyi_take_unit(&units[0]);
     m.before = FLT_MAX;
@@ -121,7 +122,7 @@ HYI_FN void hyi_merge_chunk(void *argument, uint32_t chunk) {
     }
     do {
         before = count;
-        count = hyi_merge_pass(room, count);
+        count = hyi_merge_pass(room, count, build->leaf_max);
     } while (count < before);
     build->chunks[chunk].kept = count;
 }
