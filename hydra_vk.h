@@ -88,8 +88,8 @@ typedef struct hydra_vk_device_info {
    much again of memory that both see, where that is not the same memory anyway. */
 typedef enum hydra_vk_film {
     HYDRA_VK_FILM_AUTO,  /* on the device; on the host where the device is a processor, where a binding of the device is too
-                            small for the film, or where that would take more than a quarter of its memory or of memory_cap: foreseen
-                            from those alone, not from what else has taken memory meanwhile */
+                            small for the film, or where that would take more than a quarter of its memory or of memory_cap:
+                            foreseen from those alone, not from what else has taken memory meanwhile */
     HYDRA_VK_FILM_HOST,  /* every sample comes back: 16 bytes, 112 where more than radiance is asked for */
     HYDRA_VK_FILM_DEVICE /* where it does not fit, hydra_render_create fails */
 } hydra_vk_film;
@@ -26633,7 +26633,7 @@ HYI_FN void hyi_vk_give_back(hydra_render *render, hyi_vk_render *r, uint32_t ol
         hyi_vk_batch *b = &r->batches[(oldest + i) % HYI_VK_BATCHES];
         if (b->entering) {
             b->next_after = hyi_atomic_load(&render->schedule.next);
-            if (hyi_vk_finish_entering(render, r, b) != HYDRA_OK) hyi_atomic_store(&render->schedule.next, b->first_taken); /* for now: hyi_vk_settle */
+            if (hyi_vk_finish_entering(render, r, b) != HYDRA_OK) hyi_atomic_store(&render->schedule.next, b->first_taken); /* until hyi_vk_settle */
             continue;
         }
         if (b->commands.in_flight) (void)hyi_vk_wait(r->vk, &b->commands, &seconds);

@@ -248,10 +248,9 @@ HYDRA_API hydra_status hydra_render_status(hydra_render *render) {
     status.seconds = render->seconds;
     status.seconds_left = status.fraction > 0.0 ? render->seconds * (1.0 - status.fraction) / status.fraction : HUGE_VAL;
     status.error = status.error_low = status.error_high = HUGE_VAL;
-    if (status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0) {
-        hyi_refresh_report(render);
-    }
-    if (status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0 && render->report.made_at >= 0.0) {
+    bool reports = status.stage != HYDRA_STAGE_FIRST_PASS && status.samples > 0.0;
+    if (reports) hyi_refresh_report(render);
+    if (reports && render->report.made_at >= 0.0) {
         status.error = render->report.error;
         status.error_low = render->report.low;
         status.error_high = render->report.high;

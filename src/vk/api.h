@@ -86,8 +86,8 @@ typedef struct hydra_vk_device_info {
    much again of memory that both see, where that is not the same memory anyway. */
 typedef enum hydra_vk_film {
     HYDRA_VK_FILM_AUTO,  /* on the device; on the host where the device is a processor, where a binding of the device is too
-                            small for the film, or where that would take more than a quarter of its memory or of memory_cap: foreseen
-                            from those alone, not from what else has taken memory meanwhile */
+                            small for the film, or where that would take more than a quarter of its memory or of memory_cap:
+                            foreseen from those alone, not from what else has taken memory meanwhile */
     HYDRA_VK_FILM_HOST,  /* every sample comes back: 16 bytes, 112 where more than radiance is asked for */
     HYDRA_VK_FILM_DEVICE /* where it does not fit, hydra_render_create fails */
 } hydra_vk_film;

@@ -578,7 +578,7 @@ HYI_FN void hyi_vk_give_back(hydra_render *render, hyi_vk_render *r, uint32_t ol
         hyi_vk_batch *b = &r->batches[(oldest + i) % HYI_VK_BATCHES];
         if (b->entering) {
             b->next_after = hyi_atomic_load(&render->schedule.next);
-            if (hyi_vk_finish_entering(render, r, b) != HYDRA_OK) hyi_atomic_store(&render->schedule.next, b->first_taken); /* for now: hyi_vk_settle */
+            if (hyi_vk_finish_entering(render, r, b) != HYDRA_OK) hyi_atomic_store(&render->schedule.next, b->first_taken); /* until hyi_vk_settle */
             continue;
         }
         if (b->commands.in_flight) (void)hyi_vk_wait(r->vk, &b->commands, &seconds);
