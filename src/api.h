@@ -493,8 +493,8 @@ HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *da
    are sorted by direction within 65536, so give as many a call as there are. Use several threads by calling from several,
    each with its share. `make bench-rays` measures all this.
 
-   Memory. A call with some fifty or more rays takes memory from the allocator and returns it: 0.2 MB and about a kilobyte a
-   ray, never more than 5 MB (6 MB in scenes with instances). Where the allocator or the cap refuses, the answers are the
+   Memory. A call with some fifty or more rays takes memory from the allocator and returns it: 0.1 MB and half a kilobyte a
+   ray, never more than 2 MB (3 MB in scenes with instances). Where the allocator or the cap refuses, the answers are the
    same, later.
    Arrays of rays and hits are the caller's; nothing is kept.
 

@@ -325,7 +325,7 @@ static void shapes_are_seen_in_front_of_surfaces(void **state) {
         uint8_t any[3];
         hyi_trace_closest(&s.accel, NULL, rays, hits, 3);
         assert_true(hits[0].instance == 0 && hits[0].t == 8);
-        hyi_trace_shapes_closest(&s.accel, rays, hits, 3, k < 2);
+        hyi_trace_shapes_closest(&s.accel, rays, hits, NULL, 3, k < 2);
         assert_int_equal(hits[0].instance, HYK_HIT_SHAPE);
         assert_int_equal(hits[0].primitive, k < 2 ? 1 : 2);
         assert_true(hits[0].t > (k < 2 ? 5.5f : 3.5f) && hits[0].t < (k < 2 ? 5.6f : 3.6f) && hits[0].u == 0);

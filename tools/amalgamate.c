@@ -68,6 +68,7 @@ static const char *const hydra_parts[] = {
     "src/bvh/save.h",
     "src/bvh/triangle.h",
     "src/bvh/walk.h",
+    "src/bvh/answer.h",
     "src/bvh/stream.h",
     "src/bvh/lanes_scalar.h",
     "src/bvh/lanes_avx2.h",

@@ -201,7 +201,7 @@ HYI_FN void hyi_shadow_pass(const hyi_picture *picture, hyi_batch *batch) {
 
 HYI_FN void hyi_intersect_pass(const hyi_picture *picture, hyi_batch *batch, bool from_sensor) {
     hyi_trace_closest(picture->accel, &batch->stream, batch->rays, batch->hits, batch->paths_alive);
-    if (picture->accel->shapes) hyi_trace_shapes_closest(picture->accel, batch->rays, batch->hits, batch->paths_alive, from_sensor);
+    if (picture->accel->shapes) hyi_trace_shapes_closest(picture->accel, batch->rays, batch->hits, NULL, batch->paths_alive, from_sensor);
 }
 
 HYI_FN void hyi_keep_first_hits(hyi_batch *batch) {

@@ -15,6 +15,7 @@
 #undef HYI_BITS8
 #undef HYI_BITSW
 #undef HYI_CHOOSE4
+#undef HYI_CHOOSEW
 #undef HYI_CLEAR_MASKS
 #undef HYI_D2
 #undef HYI_DEAL
@@ -88,6 +89,8 @@
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_SQRT2
+#undef HYI_SQRTD
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8

@@ -70,6 +70,7 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_SUB2(a, b) vsubq_f64(a, b)
 #define HYI_MUL2(a, b) vmulq_f64(a, b)
 #define HYI_DIV2(a, b) vdivq_f64(a, b)
+#define HYI_SQRT2(a) vsqrtq_f64(a)
 #define HYI_MIN2(a, b) hyi_min2_neon(a, b)
 #define HYI_MAX2(a, b) hyi_max2_neon(a, b)
 #define HYI_LT2(a, b) vcltq_f64(a, b)

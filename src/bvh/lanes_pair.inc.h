@@ -78,6 +78,12 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_pin8)(HYI_I(hyi_f8) a) {
     return a;
 }
 
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_choose8)(HYI_I(hyi_m8) m, HYI_I(hyi_f8) a, HYI_I(hyi_f8) b) {
+    a.low = HYI_CHOOSE4(m.low, a.low, b.low);
+    a.high = HYI_CHOOSE4(m.high, a.high, b.high);
+    return a;
+}
+
 HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_min8_where)(HYI_I(hyi_f8) a, HYI_I(hyi_m8) m, HYI_I(hyi_f8) b) {
     a.low = HYI_CHOOSE4(m.low, HYI_MIN4(a.low, b.low), a.low);
     a.high = HYI_CHOOSE4(m.high, HYI_MIN4(a.high, b.high), a.high);
@@ -118,6 +124,12 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_store_half)(float *p, int half, HYI_I(hyi_d
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_lt_doubles)(HYI_I(hyi_d4) a, HYI_I(hyi_d4) b) {
     return HYI_BITS2_2(HYI_LT2(a.low, b.low), HYI_LT2(a.high, b.high));
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_sqrt_doubles)(HYI_I(hyi_d4) a) {
+    a.low = HYI_SQRT2(a.low);
+    a.high = HYI_SQRT2(a.high);
+    return a;
 }
 
 HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
@@ -180,6 +192,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_LEW(a, b) HYI_LE8(a, b)
 #define HYI_ANDW(a, b) HYI_AND8(a, b)
 #define HYI_ORW(a, b) HYI_OR8(a, b)
+#define HYI_CHOOSEW(m, a, b) HYI_I(hyi_choose8)(m, a, b)
 #define HYI_BITSW(m) HYI_BITS8(m)
 #define HYI_PINW(a) HYI_PIN8(a)
 #define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
@@ -197,6 +210,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_SUBD(a, b) HYI_I(hyi_sub_doubles)(a, b)
 #define HYI_MULD(a, b) HYI_I(hyi_mul_doubles)(a, b)
 #define HYI_DIVD(a, b) HYI_I(hyi_div_doubles)(a, b)
+#define HYI_SQRTD(a) HYI_I(hyi_sqrt_doubles)(a)
 #define HYI_MIND(a, b) HYI_I(hyi_min_doubles)(a, b)
 #define HYI_MAXD(a, b) HYI_I(hyi_max_doubles)(a, b)
 #define HYI_LTD(a, b) HYI_I(hyi_lt_doubles)(a, b)

@@ -65,6 +65,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_SUB2(a, b) _mm_sub_pd(a, b)
 #define HYI_MUL2(a, b) _mm_mul_pd(a, b)
 #define HYI_DIV2(a, b) _mm_div_pd(a, b)
+#define HYI_SQRT2(a) _mm_sqrt_pd(a)
 #define HYI_MIN2(a, b) _mm_min_pd(a, b)
 #define HYI_MAX2(a, b) _mm_max_pd(a, b)
 #define HYI_LT2(a, b) _mm_cmplt_pd(a, b)

@@ -49,67 +49,80 @@ typedef struct HYI_I(hyi_corner_all) {
     HYI_FW x, y, z;
 } HYI_I(hyi_corner_all);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_lanes)(const hyi_packet *p, HYI_FW x, HYI_FW y, HYI_FW z) {
     HYI_I(hyi_corner_all) c;
-    c.z = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[2] * stride]), HYI_LOADW(p->origin[2])));
-    HYI_FW dx = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[0] * stride]), HYI_LOADW(p->origin[0])));
-    HYI_FW dy = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[1] * stride]), HYI_LOADW(p->origin[1])));
+    c.z = HYI_PINW(HYI_SUBW(z, HYI_LOADW(p->origin[2])));
+    HYI_FW dx = HYI_PINW(HYI_SUBW(x, HYI_LOADW(p->origin[0])));
+    HYI_FW dy = HYI_PINW(HYI_SUBW(y, HYI_LOADW(p->origin[1])));
     c.x = HYI_PINW(HYI_SUBW(dx, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[0]), c.z))));
     c.y = HYI_PINW(HYI_SUBW(dy, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[1]), c.z))));
     return c;
+}
+
+/* A corner that is the same for all. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+    return HYI_I(hyi_shear_lanes)(p, HYI_SETW(row[axis[0] * stride]), HYI_SETW(row[axis[1] * stride]), HYI_SETW(row[axis[2] * stride]));
 }
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I(hyi_corner_all) q) {
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
-/* Which rays certainly miss one triangle: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_miss_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
-    HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
-    HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
-    HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
-    HYI_MW above = HYI_LTW(HYI_ZEROW(), HYI_MAXW(HYI_MAXW(a, b), c));
-    HYI_FW scale = HYI_LOADW(packet->inverse_z);
-    HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
-    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
-    HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
-    return HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early));
+/* One triangle to all rays: the edge functions w, t at the corners, and which rays may hit it. */
+typedef struct HYI_I(hyi_meeting) {
+    HYI_I(hyi_corner_all) corners[3];
+    HYI_FW w[3], least_w, most_w, t[3], first, last;
+    uint32_t possible;
+} HYI_I(hyi_meeting);
+
+/* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf) + triangle;
+    uint32_t count = hyi_leaf_count(leaf);
+    HYI_I(hyi_corner_all) *k = m->corners;
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * i * count, count);
+    m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
+    m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
+    m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
+    m->least_w = HYI_MINW(HYI_MINW(m->w[0], m->w[1]), m->w[2]);
+    m->most_w = HYI_MAXW(HYI_MAXW(m->w[0], m->w[1]), m->w[2]);
+    HYI_MW outside = HYI_ANDW(HYI_LTW(m->least_w, HYI_ZEROW()), HYI_LTW(HYI_ZEROW(), m->most_w));
+    for (int i = 0; i < 3; i++) m->t[i] = HYI_MULW(k[i].z, HYI_LOADW(packet->inverse_z));
+    m->first = HYI_MINW(HYI_MINW(m->t[0], m->t[1]), m->t[2]);
+    m->last = HYI_MAXW(HYI_MAXW(m->t[0], m->t[1]), m->t[2]);
+    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), m->first), early = HYI_LTW(m->last, HYI_LOADW(packet->t_near));
+    m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
 }
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
 
-/* Of one triangle that rays may hit but those in out, where any hit does: stops the rays that certainly hit it; left: the
-   others, without those that turn out to miss it. hyi_judge_triangles, for all rays. Returns whether it stopped any. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
-    HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
-    HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), size = HYI_I(hyi_size_all)(sum), across = zero, along = zero;
-    HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
-    HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
+/* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
+typedef struct HYI_I(hyi_verdict_all) {
+    HYI_FW least, most;
+    HYI_MW certain;
+    uint32_t missed;
+} HYI_I(hyi_verdict_all);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const HYI_I(hyi_meeting) *m, HYI_I(hyi_verdict_all) *verdict) {
+    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero, along = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_I(hyi_size_all)(sum);
     for (int i = 0; i < 3; i++) {
-        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(k[i].x), HYI_I(hyi_size_all)(k[i].y)));
-        along = HYI_MAXW(along, HYI_I(hyi_size_all)(k[i].z));
+        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(m->corners[i].x), HYI_I(hyi_size_all)(m->corners[i].y)));
+        along = HYI_MAXW(along, HYI_I(hyi_size_all)(m->corners[i].z));
     }
     HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
-    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(a, ta), HYI_MULW(b, tb)), HYI_MULW(c, tc)), inverse);
-    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(first), HYI_I(hyi_size_all)(last));
-    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
-    HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
-    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
+    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(m->w[0], m->t[0]), HYI_MULW(m->w[1], m->t[1])), HYI_MULW(m->w[2], m->t[2])), inverse);
+    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(m->first), HYI_I(hyi_size_all)(m->last));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    verdict->least = HYI_SUBW(mean, error);
+    verdict->most = HYI_ADDW(mean, error);
+    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, m->least_w), HYI_LTW(m->most_w, zero));
     HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
     HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
     known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
-    HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
     HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
-    HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
-    uint32_t stopped = HYI_BITSW(hit) & ~HYI_BITSW(out);
-    *left = HYI_ALLW & ~(stopped | HYI_BITSW(HYI_ORW(out, missed)));
-    if (stopped == 0) return false;
-    for (uint32_t some = stopped; some; some &= some - 1u) {
-        packet->t_far[hyi_lowest_bit(some)] = -FLT_MAX;
-        packet->instance[hyi_lowest_bit(some)] = swarm->site.instance;
-    }
-    return true;
+    verdict->missed = HYI_BITSW(HYI_ANDW(known, HYI_ORW(HYI_LTW(verdict->most, t_near), HYI_LTW(HYI_LOADW(packet->t_far), verdict->least))));
+    verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
 
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
@@ -117,19 +130,29 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, H
     return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
 }
 
-HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], const HYI_FD v[3]) {
-    HYI_FD first = HYI_PIND(HYI_MULD(HYI_SETD(n[0]), v[0])), second = HYI_PIND(HYI_MULD(HYI_SETD(n[1]), v[1]));
-    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(HYI_SETD(n[2]), v[2]))));
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const HYI_FD n[3], const HYI_FD v[3]) {
+    HYI_FD first = HYI_PIND(HYI_MULD(n[0], v[0])), second = HYI_PIND(HYI_MULD(n[1], v[1]));
+    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(n[2], v[2]))));
 }
 
-/* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
-                                                       const double n[3], const double z[3], int half, double t[8], double weights[3][8]) {
-    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
+/* The plane of a triangle, or of one a lane, as hyi_plane_distance works it out: a corner, the normal, and z of the others. */
+typedef struct HYI_I(hyi_plane_half) {
+    HYI_FD corner[3], n[3], z[2];
+} HYI_I(hyi_plane_half);
+
+/* What hyi_confirm works out, for half of a packet. */
+typedef struct HYI_I(hyi_outcome_half) {
+    HYI_FD t, b, c, sum; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
+    uint32_t hit;        /* bits of the rays that hit */
+} HYI_I(hyi_outcome_half);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
+                                                   const HYI_I(hyi_plane_half) *plane, int half, HYI_I(hyi_outcome_half) *outcome) {
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_HALFD(HYI_LOADW(packet->origin[2]), half);
     for (int i = 0; i < 3; i++) {
         x[i] = HYI_HALFD(corners[i].x, half);
         y[i] = HYI_HALFD(corners[i].y, half);
-        to_corner[i] = HYI_PIND(HYI_SUBD(HYI_SETD(corner[i]), HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
+        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
         direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
     }
     HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
@@ -137,37 +160,46 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     HYI_FD c = HYI_I(hyi_cross_exact_half)(x[1], y[1], x[0], y[0]);
     uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
     HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
-    HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
-    HYI_FD plane = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD across = HYI_I(hyi_sum_products_half)(plane->n, direction);
+    HYI_FD distance = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(plane->n, to_corner), across));
     HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
     HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
-    for (int i = 1; i < 3; i++) {
-        HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
-        HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
+    for (int i = 0; i < 2; i++) {
+        HYI_FD at = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i], origin_z)), t_by_z));
         least = HYI_MIND(at, least);
         most = HYI_MAXD(at, most);
     }
-    HYI_STORED(t, HYI_MIND(most, HYI_MAXD(least, plane))); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
-    HYI_STORED(weights[0], b);
-    HYI_STORED(weights[1], c);
-    HYI_STORED(weights[2], sum);
-    return ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+    outcome->t = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
+    outcome->b = b;
+    outcome->c = c;
+    outcome->sum = sum;
+    outcome->hit = ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
 }
 
-/* The plane of a triangle as hyi_plane_distance works it out: a corner and the normal. */
-HYI_INLINE void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, double corner[3], double n[3]) {
+/* u and v of a hit, by half. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_weights)(const HYI_I(hyi_outcome_half) *outcome, int half, float *u, float *v) {
+    HYI_FD inverse = HYI_PIND(HYI_DIVD(HYI_SETD(1.0), outcome->sum));
+    HYI_STOREH(u, half, HYI_MULD(outcome->b, inverse));
+    HYI_STOREH(v, half, HYI_MULD(outcome->c, inverse));
+}
+
+/* One triangle's plane for all rays. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, HYI_I(hyi_plane_half) *plane) {
     double e[3], f[3];
     for (int i = 0; i < 3; i++) {
         const float *row = rows + axis[i] * stride;
-        corner[i] = (double)row[0];
-        e[i] = hyi_rounded_double((double)row[3u * stride] - corner[i]);
-        f[i] = hyi_rounded_double((double)row[6u * stride] - corner[i]);
+        double corner = (double)row[0];
+        plane->corner[i] = HYI_SETD(corner);
+        e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
+        f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
     }
-    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+    for (int i = 0; i < 3; i++) plane->n[i] = HYI_SETD(hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]));
+    for (uint32_t k = 0; k < 2; k++) plane->z[k] = HYI_SETD((double)rows[(3u * k + 3u + axis[2]) * stride]);
 }
 
 /* Takes a confirmed hit of one ray if it is the best. */
-HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t primitive, float t, const double weights[3]) {
+HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t leaf, uint32_t triangle, float t, float u, float v) {
+    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
     hyi_best best;
     best.t = packet->best_t[lane];
     best.instance = packet->instance[lane];
@@ -175,52 +207,101 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
     if (!(t >= packet->t_min[lane]) || !hyi_beats(&best, t, swarm->site.instance, primitive)) return false;
     if (swarm->site.asks_alpha) {
         const hyk_ray *ray = swarm->rays ? &swarm->rays[packet->ray[lane]] : swarm->flights[packet->ray[lane]].ray;
-        double inverse = hyi_rounded_double(1.0 / weights[2]);
-        if (hyi_lets_pass(&swarm->site, ray, primitive, (float)(weights[0] * inverse), (float)(weights[1] * inverse))) return false;
+        if (hyi_lets_pass(&swarm->site, ray, primitive, u, v)) return false;
     }
-    packet->best_t[lane] = t;
+    packet->best_t[lane] = packet->least_t[lane] = t;
     packet->instance[lane] = swarm->site.instance;
     packet->primitive[lane] = primitive;
-    for (int i = 0; i < 3; i++) packet->weights[i][lane] = weights[i];
+    packet->leaf.word[lane] = leaf;
+    packet->triangle.word[lane] = triangle;
     packet->t_far[lane] = swarm->any ? -FLT_MAX : t + 4.0f * HYI_ULP * fabsf(t);
     return true;
 }
 
-/* Decides on triangle number t of a leaf for the rays in mask. Returns whether one of them was hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                   const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
-    double corner[3], n[3], z[3];
-    for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
-    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
+/* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                 const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
+    HYI_I(hyi_plane_half) plane;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
-    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
+    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_outcome_half) outcome;
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
-        double t[8], weights[3][8];
-        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, z, half, t, weights);
-        for (; some; some &= some - 1u) {
-            uint32_t lane = hyi_lowest_bit(some);
-            const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
-            if ((float)t[lane] <= packet->best_t[base + lane] && HYI_I(hyi_take_hit)(swarm, packet, base + lane, primitive, (float)t[lane], w)) found = true;
+        if (!some) continue;
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(t, half, outcome.t);
+        if (swarm->site.asks_alpha) HYI_I(hyi_store_weights)(&outcome, half, u, v);
+        for (some &= outcome.hit; some; some &= some - 1u) {
+            uint32_t lane = base + hyi_lowest_bit(some);
+            if (t[lane] <= packet->best_t[lane] && HYI_I(hyi_take_hit)(swarm, packet, lane, leaf, triangle, t[lane], u[lane], v[lane])) found = true;
         }
     }
     return found;
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                     HYI_I(hyi_corner_all) corners[3]) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
-    uint32_t triangles = hyi_leaf_count(leaf);
-    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + triangle, triangles);
+/* ---- hits that float is certain of */
+
+/* Where any hit does: the rays in mask are done. */
+HYI_INLINE void HYI_I(hyi_stop_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
+    for (; mask; mask &= mask - 1u) {
+        packet->t_far[hyi_lowest_bit(mask)] = -FLT_MAX;
+        packet->instance[hyi_lowest_bit(mask)] = swarm->site.instance;
+    }
 }
 
-/* Offers triangle number t of a leaf to all rays but those in out, which miss it. Returns whether one of them hits it. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                   const HYI_I(hyi_corner_all) corners[3], HYI_MW out) {
-    uint32_t left = ~HYI_BITSW(out) & HYI_ALLW;
-    bool found = left && swarm->any && !swarm->site.asks_alpha && HYI_I(hyi_stop_certain)(swarm, packet, corners, out, &left);
-    if (left && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, corners, left)) found = true;
-    return found;
+/* Works out the hits that the rays in mask have put off. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
+    for (mask &= packet->waiting; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask), leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
+        HYI_I(hyi_meeting) m;
+        HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, triangle, &m);
+        packet->waiting &= ~(1u << lane);
+        (void)HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, m.corners, 1u << lane);
+    }
+}
+
+/* Puts a word where the mask says. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW where, uint32_t word) {
+    hyi_lane_words all;
+    all.word[0] = word;
+    HYI_STOREW(words->bits, HYI_CHOOSEW(where, HYI_SETW(all.bits[0]), HYI_LOADW(words->bits)));
+}
+
+/* hyi_expect, for all rays; returns those of mask, which holds all that are certain, for which the triangle is not certainly
+   nearer than all before. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
+    HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
+    HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
+    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_I(hyi_size_all)(most)));
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
+    HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
+    HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
+    HYI_I(hyi_put_word)(&packet->triangle, nearer, triangle);
+    packet->waiting |= HYI_BITSW(nearer);
+    return mask & ~HYI_BITSW(nearer);
+}
+
+/* Offers a triangle to the rays that may hit it. Returns whether one of them does. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_meeting) *m) {
+    uint32_t left = m->possible;
+    if (!swarm->site.asks_alpha) {
+        HYI_I(hyi_verdict_all) verdict;
+        HYI_I(hyi_judge_all)(packet, m, &verdict);
+        left &= ~verdict.missed;
+        if (!left) return false;
+        uint32_t open = left;
+        if (swarm->any) {
+            open &= ~HYI_BITSW(HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(packet->best_t))));
+            HYI_I(hyi_stop_rays)(swarm, packet, left & ~open);
+        } else {
+            open = HYI_I(hyi_expect_all)(packet, leaf, triangle, &verdict, left);
+        }
+        if (!open) return true;
+        if (packet->waiting & open) HYI_I(hyi_settle_rays)(swarm, packet, open);
+        return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, m->corners, open) || open != left;
+    }
+    return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, m->corners, left);
 }
 
 /* node, c: where the leaf hangs; NULL: nowhere. */
@@ -232,11 +313,76 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
         bool found = false;
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
         for (uint32_t t = 0; t < triangles; t++) {
-            HYI_I(hyi_corner_all) corners[3];
-            HYI_I(hyi_shear_triangle)(swarm, packet, leaf, t, corners);
-            if (HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, HYI_I(hyi_miss_triangle_all)(packet, corners))) found = true;
+            HYI_I(hyi_meeting) m;
+            HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
+            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m)) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    }
+}
+
+/* ---- working out what was found */
+
+/* The triangles found, one a lane: coordinates of corner k in rows 3 k and on, in the order of axis. Lanes without one get
+   any other. */
+HYI_INLINE void HYI_I(hyi_gather_found)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], float rows[9][HYI_PACKET_WIDTH]) {
+    for (uint32_t lane = 0; lane < HYI_LANES; lane++) {
+        uint32_t leaf = packet->leaf.word[lane] ? packet->leaf.word[lane] : hyi_make_leaf(0u, 1u);
+        const float *row = hyi_leaf_rows(bvh, leaf) + packet->triangle.word[lane];
+        uint32_t count = hyi_leaf_count(leaf);
+        for (uint32_t k = 0; k < 3u; k++) {
+            rows[3u * k][lane] = row[(3u * k + axis[0]) * count];
+            rows[3u * k + 1u][lane] = row[(3u * k + axis[1]) * count];
+            rows[3u * k + 2u][lane] = row[(3u * k + axis[2]) * count];
+        }
+    }
+}
+
+/* The planes of as many triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(float rows[9][HYI_PACKET_WIDTH], int half, HYI_I(hyi_plane_half) *plane) {
+    HYI_FD e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        plane->corner[i] = HYI_HALFD(HYI_LOADW(rows[i]), half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(HYI_LOADW(rows[i + 3]), half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(HYI_LOADW(rows[i + 6]), half), plane->corner[i]));
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
+    }
+    plane->z[0] = HYI_HALFD(HYI_LOADW(rows[5]), half);
+    plane->z[1] = HYI_HALFD(HYI_LOADW(rows[8]), half);
+}
+
+/* hyi_unit_normal, from the normal in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_normals)(const uint32_t axis[3], const HYI_FD n[3], int half, float normal[3][HYI_PACKET_WIDTH]) {
+    HYI_FD in_space[3];
+    for (int i = 0; i < 3; i++) in_space[axis[i]] = n[i];
+    HYI_FD length = HYI_SQRTD(HYI_I(hyi_sum_products_half)(in_space, in_space)), inverse = HYI_PIND(HYI_DIVD(HYI_SETD(1.0), length));
+    for (int i = 0; i < 3; i++) HYI_STOREH(normal[i], half, HYI_MULD(in_space[i], inverse));
+}
+
+/* Hits of a packet, where there are any. */
+typedef struct HYI_I(hyi_found_all) {
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
+    float normal[3][HYI_PACKET_WIDTH];
+} HYI_I(hyi_found_all);
+
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_bvh *bvh, const hyi_packet *packet, bool normals, HYI_I(hyi_found_all) *found) {
+    float rows[9][HYI_PACKET_WIDTH];
+    HYI_I(hyi_corner_all) corners[3];
+    uint32_t axis[3];
+    hyi_group_axes(packet->group, axis);
+    HYI_I(hyi_gather_found)(bvh, packet, axis, rows);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, HYI_LOADW(rows[3 * k]), HYI_LOADW(rows[3 * k + 1]), HYI_LOADW(rows[3 * k + 2]));
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(rows, half, &plane);
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(found->t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, found->u, found->v);
+        if (normals) HYI_I(hyi_store_normals)(axis, plane.n, half, found->normal);
     }
 }
 
@@ -272,6 +418,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
         packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
     }
+    HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
+    packet->waiting = 0;
     packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
@@ -352,6 +500,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_pack
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         packet->ray[i] = first + i;
         packet->instance[i] = packet->primitive[i] = HYK_NONE;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
     }
     packet->count = HYI_LANES;
     return HYI_I(hyi_load_rays)(swarm->site.bvh, swarm->rays, packet->ray, packet, o, inverse) &&
@@ -408,21 +557,40 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ra
     return true;
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
+HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
+    for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
+}
+
+/* The hit of one lane, located in the world. */
+HYI_INLINE void HYI_I(hyi_unpack_hit)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_found_all) *found, uint32_t i, hyk_hit *hit) {
+    bool any = packet->leaf.word[i] != 0;
+    hit->t = any ? found->t[i] : -1.0f;
+    hit->u = any ? found->u[i] : 0.0f;
+    hit->v = any ? found->v[i] : 0.0f;
+    hit->instance = any ? swarm->site.instance : HYK_NONE;
+    hit->primitive = any ? swarm->site.bvh->ids[hyi_leaf_first(packet->leaf.word[i]) + packet->triangle.word[i]] : HYK_NONE;
+    if (any) hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+}
+
+/* Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_unpack_told)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_found_all) *found, uint32_t i, hydra_hit *out) {
+    hyk_hit hit;
+    if (packet->leaf.word[i] == 0) {
+        hyi_tell_miss(out);
+        return;
+    }
+    HYI_I(hyi_unpack_hit)(swarm, packet, found, i, &hit);
+    for (int a = 0; a < 3; a++) out->normal[a] = found->normal[a][i];
+    if (swarm->site.bvh->scale != 1.0f) hyi_normal_of_hit(swarm->site.accel, &hit, out->normal);
+    hyi_tell_surface(swarm->site.accel, &hit, out);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
+    HYI_I(hyi_found_all) found;
+    HYI_I(hyi_work_out)(swarm->site.bvh, packet, answers->told != NULL, &found);
     for (uint32_t i = 0; i < packet->count; i++) {
-        bool found = packet->instance[i] != HYK_NONE;
-        if (occluded) {
-            occluded[packet->ray[i]] = found ? 1 : 0;
-            continue;
-        }
-        hyk_hit *hit = &hits[packet->ray[i]];
-        double inverse = found ? hyi_rounded_double(1.0 / packet->weights[2][i]) : 0.0;
-        hit->t = found ? packet->best_t[i] : -1.0f;
-        hit->u = found ? (float)(packet->weights[0][i] * inverse) : 0.0f;
-        hit->v = found ? (float)(packet->weights[1][i] * inverse) : 0.0f;
-        hit->instance = packet->instance[i];
-        hit->primitive = packet->primitive[i];
-        hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+        if (answers->told) HYI_I(hyi_unpack_told)(swarm, packet, &found, i, &answers->told[packet->ray[i]]);
+        else HYI_I(hyi_unpack_hit)(swarm, packet, &found, i, &answers->hits[packet->ray[i]]);
     }
 }
 
@@ -445,10 +613,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->t_min[i] = flight->t_min;
         packet->t_near[i] = aim->t_near;
         packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
-        packet->best_t[i] = flight->best.t;
+        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
         packet->instance[i] = flight->best.instance;
         packet->primitive[i] = flight->best.primitive;
-        packet->weights[2][i] = 0.0;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
         packet->ray[i] = rays[i < count ? i : 0u];
     }
     packet->count = count;
@@ -456,16 +624,20 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
 
-/* Sum 0 stands for a hit that is not the packet's own. */
-HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+/* Hits that are not the packet's own are the flights' already. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    HYI_I(hyi_found_all) found;
+    if (!swarm->any) HYI_I(hyi_work_out)(swarm->site.bvh, packet, false, &found);
     for (uint32_t i = 0; i < packet->count; i++) {
-        hyi_best *best = &swarm->flights[packet->ray[i]].best;
-        best->instance = packet->instance[i];
-        if (packet->weights[2][i] == 0.0) continue;
-        double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
-        best->t = packet->best_t[i];
-        best->u = (float)(packet->weights[0][i] * inverse);
-        best->v = (float)(packet->weights[1][i] * inverse);
-        best->primitive = packet->primitive[i];
+        hyi_flight *flight = &swarm->flights[packet->ray[i]];
+        flight->best.instance = packet->instance[i];
+        if (swarm->any || packet->leaf.word[i] == 0) continue;
+        flight->best.t = found.t[i];
+        flight->best.u = found.u[i];
+        flight->best.v = found.v[i];
+        flight->best.instance = swarm->site.instance;
+        flight->best.primitive = swarm->site.bvh->ids[hyi_leaf_first(packet->leaf.word[i]) + packet->triangle.word[i]];
+        flight->leaf = packet->leaf.word[i];
+        flight->lane = packet->triangle.word[i];
     }
 }

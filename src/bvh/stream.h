@@ -14,7 +14,7 @@
 #ifndef HYI_BVH_STREAM_H
 #define HYI_BVH_STREAM_H
 
-#include "walk.h"
+#include "answer.h"
 
 #define HYI_STREAM_RAYS 2048u    /* on their way at a time */
 #define HYI_STREAM_SORTED 65536u /* sorted by direction at a time */
@@ -29,6 +29,12 @@
 #define HYI_PACKET_SLOPES 0.6f
 #define HYI_PACKET_ORIGINS 0.02f
 
+/* A word a lane; vectors of floats move them. */
+typedef union hyi_lane_words {
+    uint32_t word[HYI_PACKET_WIDTH];
+    float bits[HYI_PACKET_WIDTH];
+} hyi_lane_words;
+
 /* As many rays as a vector has lanes: bounds of all for the node test, and for triangles what hyi_aim and hyi_best hold
    of one ray, in the units of the tree, with hyi_aim.unit 1. Lanes beyond the last ray repeat the first one with limits
    that nothing meets. */
@@ -36,10 +42,11 @@ typedef struct hyi_packet {
     float origin[3][HYI_PACKET_WIDTH], direction[3][HYI_PACKET_WIDTH], shear[2][HYI_PACKET_WIDTH]; /* in the order of axis */
     float inverse[3][HYI_PACKET_WIDTH]; /* likewise, of the direction kept from zero */
     float inverse_z[HYI_PACKET_WIDTH], t_near[HYI_PACKET_WIDTH], t_far[HYI_PACKET_WIDTH], t_min[HYI_PACKET_WIDTH];
-    float best_t[HYI_PACKET_WIDTH];
+    float best_t[HYI_PACKET_WIDTH], least_t[HYI_PACKET_WIDTH]; /* of the nearest hit that is worked out, and hyi_aim.least_t */
     double t_by_z[HYI_PACKET_WIDTH];
-    double weights[3][HYI_PACKET_WIDTH]; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
-    uint32_t instance[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t instance[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH]; /* of what is worked out */
+    hyi_lane_words leaf, triangle;       /* the nearest so far, worked out or not; leaf 0: nothing here */
+    uint32_t waiting;                    /* bits of the lanes where that is certain, but not worked out */
     uint32_t ray[HYI_PACKET_WIDTH];      /* its number among the rays, or flights, that the packet is made of */
     float near_origin[3], far_origin[3], inverse_low[3], inverse_high[3];
     float bound[3];                      /* of the error of each origin, by which slabs are thicker */

@@ -213,8 +213,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 }
 
 /* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
-                                                     uint8_t *occluded, uint32_t count, uint32_t *others, uint8_t *keys) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
+                                                     uint32_t count, uint32_t *others, uint8_t *keys) {
     hyi_swarm swarm;
     uint32_t made = 0, rest = 0;
     swarm.site = *site;
@@ -222,7 +222,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
     swarm.rays = rays;
     swarm.flights = NULL;
     swarm.packets = stream->packets;
-    swarm.any = occluded != NULL;
+    swarm.any = answers->occluded != NULL;
     for (uint32_t first = 0; first < count; first += HYI_LANES) {
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
@@ -235,6 +235,9 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
         }
     }
     if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
-    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
+    for (uint32_t i = 0; i < made; i++) {
+        if (swarm.any) HYI_I(hyi_unpack_occluded)(&swarm.packets[i], answers->occluded);
+        else HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], answers);
+    }
     return rest;
 }

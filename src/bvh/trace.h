@@ -8,7 +8,6 @@
 #include "lanes_avx512.h"
 #include "lanes_sse42.h"
 #include "lanes_neon.h"
-#include "../../shaders/shared/shape.h"
 
 /* ---- by instruction set */
 
@@ -82,9 +81,12 @@ HYI_FN void hyi_ray_stream_free(hydra_context *context, hyi_ray_stream *stream) 
 HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel *accel, size_t count, hyi_ray_stream *stream) {
     void *block;
     *stream = hyi_plan_ray_stream(accel, count);
+    if (stream->capacity == 0) return HYDRA_OK;
     hydra_result result = hyi_try_alloc(context, hyi_ray_stream_bytes(stream), &block);
-    if (result != HYDRA_OK) memset(stream, 0, sizeof *stream);
-    if (stream->capacity == 0) return result;
+    if (result != HYDRA_OK) {
+        memset(stream, 0, sizeof *stream);
+        return result;
+    }
     stream->packets = (hyi_packet *)block;
     stream->flights = (hyi_flight *)(void *)((char *)block + hyi_packets_bytes(stream));
     stream->lists = (uint32_t *)(void *)(stream->flights + stream->levels * stream->capacity);
@@ -95,28 +97,23 @@ HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel
 
 /* ---- one by one */
 
-HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, hyk_hit *hit, uint8_t *occluded) {
-    if (occluded) *occluded = flight->best.instance != HYK_NONE;
-    else hyi_answer(accel, &flight->best, hit);
-}
-
 /* The tracing functions say whether all rays were sound. */
 HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
     hyk_ray ray = hyi_load_ray(at);
     return hyi_ray_is_sound(&ray);
 }
 
-HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     hyi_site site = hyi_first_site(accel);
     bool sound = true;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
         if (hyi_flight_begin(&flight, site.bvh, &rays[i], FLT_MAX)) {
-            HYI_DISPATCH(accel->isa, hyi_walk_scene, (&site, &flight, site.bvh->root, occluded != NULL))
+            HYI_DISPATCH(accel->isa, hyi_walk_scene, (&site, &flight, site.bvh->root, answers->occluded != NULL))
         } else {
             sound = hyi_was_sound(&rays[i]) && sound;
         }
-        hyi_tell(accel, &flight, hits ? &hits[i] : NULL, occluded ? &occluded[i] : NULL);
+        hyi_tell(accel, &flight, answers, i);
     }
     return sound;
 }
@@ -124,7 +121,7 @@ HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, hyk_h
 /* ---- streams */
 
 /* Begins the flights of some rays one by one; those that meet nothing are answered at once. Returns how many fly. */
-HYI_FN uint32_t hyi_begin_each(const hyi_site *site, hyi_flight *flights, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+HYI_FN uint32_t hyi_begin_each(const hyi_site *site, hyi_flight *flights, const hyk_ray *rays, const hyi_answers *answers,
                                const uint32_t *order, uint32_t count, bool *sound) {
     uint32_t flying = 0;
     for (uint32_t i = 0; i < count; i++) {
@@ -133,14 +130,14 @@ HYI_FN uint32_t hyi_begin_each(const hyi_site *site, hyi_flight *flights, const 
             flying++;
         } else {
             *sound = hyi_was_sound(&rays[k]) && *sound;
-            hyi_tell(site->accel, &flights[flying], hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
+            hyi_tell(site->accel, &flights[flying], answers, k);
         }
     }
     return flying;
 }
 
 /* count rays, at most capacity, by their numbers in order. */
-HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                             const uint32_t *order, uint32_t count) {
     uint32_t flying = 0, lanes = hyi_isa_lanes(site->accel->isa);
     bool sound = true;
@@ -151,19 +148,19 @@ HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const 
         if (some == lanes && site->bvh->rows)
             HYI_DISPATCH_VECTOR(site->accel->isa, together = hyi_begin_flights, (site->bvh, rays, order + first, stream->flights + flying))
         if (together) flying += lanes;
-        else flying += hyi_begin_each(site, stream->flights + flying, rays, hits, occluded, order + first, some, &sound);
+        else flying += hyi_begin_each(site, stream->flights + flying, rays, answers, order + first, some, &sound);
     }
-    HYI_DISPATCH_VECTOR(site->accel->isa, hyi_run_flights, (site, stream, flying, stream->lists, false, occluded != NULL))
+    HYI_DISPATCH_VECTOR(site->accel->isa, hyi_run_flights, (site, stream, flying, stream->lists, false, answers->occluded != NULL))
     for (uint32_t i = 0; i < flying; i++) {
         const hyi_flight *flight = &stream->flights[i];
         size_t k = (size_t)(flight->ray - rays);
-        hyi_tell(site->accel, flight, hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
+        hyi_tell(site->accel, flight, answers, k);
     }
     return sound;
 }
 
 /* Rays by their numbers in others: sorted by direction, then a slice at a time. sorted: room for as many. */
-HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                              const uint32_t *others, uint32_t *sorted, uint32_t count) {
     uint32_t starts[HYI_RAY_GROUPS + 1];
     bool sound = true;
@@ -171,76 +168,83 @@ HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const
     for (uint32_t i = 0; i < count; i++) sorted[i] = others[sorted[i]];
     for (uint32_t at = 0; at < count; at += stream->capacity) {
         uint32_t slice = count - at < stream->capacity ? count - at : stream->capacity;
-        sound = hyi_trace_slice(site, stream, rays, hits, occluded, sorted + at, slice) && sound;
+        sound = hyi_trace_slice(site, stream, rays, answers, sorted + at, slice) && sound;
     }
     return sound;
 }
 
 /* Up to HYI_STREAM_SORTED rays: the alike go in packets, the rest is listed in others, with its keys, and counted. */
-HYI_FN uint32_t hyi_trace_alike(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
+HYI_FN uint32_t hyi_trace_alike(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                 uint32_t count, uint32_t *others) {
     uint32_t rest = 0;
     for (uint32_t first = 0; first < count; first += stream->capacity) {
         uint32_t some = count - first < stream->capacity ? count - first : stream->capacity, left = 0;
-        HYI_DISPATCH_VECTOR(site->accel->isa, left = hyi_run_alike_rays,
-                     (site, stream, rays + first, hits ? hits + first : NULL, occluded ? occluded + first : NULL, some, others + rest, stream->keys + rest))
+        hyi_answers from = hyi_answers_from(answers, first);
+        HYI_DISPATCH_VECTOR(site->accel->isa, left = hyi_run_alike_rays, (site, stream, rays + first, &from, some, others + rest, stream->keys + rest))
         for (uint32_t i = 0; i < left; i++) others[rest + i] += first;
         rest += left;
     }
     return rest;
 }
 
-HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     hyi_site site = hyi_first_site(accel);
     uint32_t room = stream->sorted, *others = stream->order, *sorted = others + room;
     bool sound = true;
     for (uint32_t first = 0, some; first < count; first += some) {
-        hyk_hit *at_hits = hits ? hits + first : NULL;
-        uint8_t *at_occluded = occluded ? occluded + first : NULL;
+        hyi_answers from = hyi_answers_from(answers, first);
         some = count - first < room ? count - first : room;
         uint32_t rest = some;
-        if (site.bvh->rows) rest = hyi_trace_alike(&site, stream, rays + first, at_hits, at_occluded, some, others);
+        if (site.bvh->rows) rest = hyi_trace_alike(&site, stream, rays + first, &from, some, others);
         else
             for (uint32_t i = 0; i < some; i++) {
                 others[i] = i;
                 stream->keys[i] = hyi_direction_key(hyi_load_ray(&rays[first + i]).direction);
             }
-        sound = hyi_trace_others(&site, stream, rays + first, at_hits, at_occluded, others, sorted, rest) && sound;
+        sound = hyi_trace_others(&site, stream, rays + first, &from, others, sorted, rest) && sound;
     }
     return sound;
 }
 
-HYI_FN bool hyi_trace_all(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
-    if (stream && stream->capacity && count >= HYI_STREAM_LEAST) return hyi_trace_stream(accel, stream, rays, hits, occluded, count);
-    return hyi_trace_singles(accel, rays, hits, occluded, count);
+HYI_FN bool hyi_trace_all(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    if (stream && stream->capacity && count >= HYI_STREAM_LEAST) return hyi_trace_stream(accel, stream, rays, answers, count);
+    return hyi_trace_singles(accel, rays, answers, count);
 }
 
-HYI_FN bool hyi_trace_nothing(const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+HYI_FN bool hyi_trace_nothing(const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     bool sound = true;
     for (uint32_t i = 0; i < count; i++) {
         sound = hyi_was_sound(&rays[i]) && sound;
-        if (occluded) {
-            occluded[i] = 0;
-            continue;
-        }
-        hits[i].t = -1.0f;
-        hits[i].u = hits[i].v = 0.0f;
-        hits[i].instance = hits[i].primitive = HYK_NONE;
+        if (answers->occluded) answers->occluded[i] = 0;
+        else if (answers->hits) hyi_answer_miss(&answers->hits[i]);
+        else hyi_tell_miss(&answers->told[i]);
     }
     return sound;
 }
 
-/* Closest hits of count rays on triangles: instance HYK_NONE and t -1 on a miss. Ties: smallest instance,
-   then primitive. Light shapes are not looked at. stream: NULL or memory that no one else uses meanwhile.
-   Rays are read by hyi_load_ray alone: they may be the caller's hydra_ray. Those that are not sound meet
-   nothing; false: there were some. */
-HYI_FN bool hyi_trace_closest(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint32_t count) {
-    return accel->empty ? hyi_trace_nothing(rays, hits, NULL, count) : hyi_trace_all(accel, stream, rays, hits, NULL, count);
+/* What lies on count rays of triangles. Ties: smallest instance, then primitive. Light shapes are not looked at. stream: NULL
+   or memory that no one else uses meanwhile. Rays are read by hyi_load_ray alone: they may be the caller's hydra_ray. Those
+   that are not sound meet nothing; false: there were some. */
+HYI_FN bool hyi_trace(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    if (accel->empty) return hyi_trace_nothing(rays, answers, count);
+    if (stream && stream->capacity && count >= HYI_STREAM_LEAST) return hyi_trace_stream(accel, stream, rays, answers, count);
+    return hyi_trace_singles(accel, rays, answers, count);
 }
 
-/* occluded[i] is set to 0 or 1. Light shapes are not looked at. */
+/* Closest hits: instance HYK_NONE and t -1 on a miss. */
+HYI_FN bool hyi_trace_closest(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint32_t count) {
+    hyi_answers answers;
+    memset(&answers, 0, sizeof answers);
+    answers.hits = hits;
+    return hyi_trace(accel, stream, rays, &answers, count);
+}
+
+/* occluded[i] is set to 0 or 1. */
 HYI_FN bool hyi_trace_any(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
-    return accel->empty ? hyi_trace_nothing(rays, NULL, occluded, count) : hyi_trace_all(accel, stream, rays, NULL, occluded, count);
+    hyi_answers answers;
+    memset(&answers, 0, sizeof answers);
+    answers.occluded = occluded;
+    return hyi_trace(accel, stream, rays, &answers, count);
 }
 
 /* ---- light shapes: few, so one walk at a time does */
@@ -274,9 +278,9 @@ HYI_FN bool hyi_meet_shapes(hyi_shape_visit *visit, hyi_flight *flight, const hy
     return flight->best.instance == HYK_HIT_SHAPE;
 }
 
-/* Replaces hits[i] where a light shape is nearer: instance HYK_HIT_SHAPE, primitive the light, u = v = 0.
+/* Replaces hits[i], or else told[i], where a light shape is nearer: instance HYK_HIT_SHAPE, primitive the light, u = v = 0.
    skip_hidden: lights flagged HYK_LIGHT_HIDDEN are not seen. */
-HYI_FN void hyi_trace_shapes_closest(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint32_t count, bool skip_hidden) {
+HYI_FN void hyi_trace_shapes_closest(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, hydra_hit *told, uint32_t count, bool skip_hidden) {
     hyi_shape_visit visit;
     visit.accel = accel;
     visit.skip_hidden = skip_hidden;
@@ -285,12 +289,14 @@ HYI_FN void hyi_trace_shapes_closest(const hyi_accel *accel, const hyk_ray *rays
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
         hyi_best limit;
-        limit.t = hits[i].instance == HYK_NONE ? hyi_finite_limit(hyi_load_ray(&rays[i]).t_max) : hits[i].t;
-        limit.u = hits[i].u;
-        limit.v = hits[i].v;
-        limit.instance = hits[i].instance;
-        limit.primitive = hits[i].primitive;
-        if (hyi_meet_shapes(&visit, &flight, &rays[i], &limit)) hyi_answer(accel, &flight.best, &hits[i]);
+        float t = hits ? hits[i].t : told[i].t;
+        bool found = hits ? hits[i].instance != HYK_NONE : told[i].mesh != 0;
+        limit.t = found ? t : hyi_finite_limit(hyi_load_ray(&rays[i]).t_max);
+        limit.u = limit.v = 0.0f;
+        limit.instance = limit.primitive = found ? 0u : HYK_NONE; /* a surface before a shape at equal t, whichever it is */
+        if (!hyi_meet_shapes(&visit, &flight, &rays[i], &limit)) continue;
+        if (hits) hyi_answer(accel, &flight.best, &hits[i]);
+        else hyi_tell_shape(accel, flight.best.primitive, flight.best.t, &rays[i], &told[i]);
     }
 }
 

@@ -13,6 +13,7 @@ typedef struct hyi_accel {
     const hyk_scene_view *view;
     const hyi_bvh *meshes;         /* by mesh index */
     const uint8_t *mesh_has_alpha; /* by mesh index; NULL: none has */
+    const uint32_t *placed_ids, *light_ids; /* hydra_instance and hydra_light ids, by the view's numbers */
     const hyi_bvh *world;          /* one tree over the first world_count instances, which are unmoved; NULL: none */
     const uint32_t *world_first;   /* of each of them, its first triangle's number in that tree */
     uint32_t world_count;
@@ -38,7 +39,7 @@ typedef struct hyi_flight {
     hyi_aim aim;
     hyi_best best;
     float t_min;
-    uint32_t unused[2]; /* fills the third cache line */
+    uint32_t leaf, lane; /* of the best hit */
     const hyk_ray *ray;  /* in world space */
 } hyi_flight;
 
@@ -131,6 +132,8 @@ HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t le
     flight->best.v = weights[1];
     flight->best.instance = site->instance;
     flight->best.primitive = primitive;
+    flight->leaf = leaf;
+    flight->lane = lane;
     flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
     return true;
@@ -165,7 +168,7 @@ HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t le
 /* Makes every box and triangle lie beyond a ray that is done. */
 HYI_INLINE void hyi_flight_stop(hyi_flight *flight) { flight->aim.t_far = -FLT_MAX; }
 
-/* ---- beginning and answering */
+/* ---- beginning */
 
 /* Limits end short of HYI_NO_HIT. */
 #define HYI_T_LIMIT 3.0e38f
@@ -197,16 +200,6 @@ HYI_INLINE hyi_site hyi_first_site(const hyi_accel *accel) {
     site.instance = 0;
     site.asks_alpha = accel->single && (accel->world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh]);
     return site;
-}
-
-HYI_INLINE void hyi_answer(const hyi_accel *accel, const hyi_best *best, hyk_hit *hit) {
-    bool found = best->instance != HYK_NONE;
-    hit->t = found ? best->t : -1.0f;
-    hit->u = best->u;
-    hit->v = best->v;
-    hit->instance = best->instance;
-    hit->primitive = best->primitive;
-    hyi_locate_in_world(accel, &hit->instance, &hit->primitive);
 }
 
 /* ---- levels */
@@ -246,6 +239,8 @@ HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, c
     below->ray = above->ray;
     below->t_min = above->t_min;
     below->best = above->best;
+    below->leaf = above->leaf;
+    below->lane = above->lane;
     below->aim.least_t = above->best.t;
     below->aim.leaf = below->aim.lane = 0;
     return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, above->best.t, false);
@@ -255,6 +250,8 @@ HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, c
 HYI_INLINE bool hyi_flight_return(hyi_flight *above, const hyi_flight *below) {
     bool found = below->best.t != above->best.t || below->best.primitive != above->best.primitive || below->best.instance != above->best.instance;
     above->best = below->best;
+    above->leaf = below->leaf;
+    above->lane = below->lane;
     if (found) hyi_aim_limit(&above->aim, above->best.t);
     return found;
 }

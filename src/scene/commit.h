@@ -279,6 +279,8 @@ HYI_FN void hyi_commit_view(hydra_scene *scene) {
     accel->world_first = scene->world_first;
     accel->world_count = (uint32_t)scene->world_count;
     for (size_t i = 0; accel->mesh_has_alpha && i < scene->world_count; i++) accel->world_has_alpha |= accel->mesh_has_alpha[scene->placed[i].mesh] != 0;
+    accel->placed_ids = scene->placed_ids;
+    accel->light_ids = scene->light_ids;
     accel->instances = &scene->top;
     accel->single = hyi_is_single(scene);
     accel->empty = scene->placed_count == 0;

@@ -1,0 +1,137 @@
+/* >>bvh-answer: what rays are answered with: hits for the renderer, hits for the caller, or whether anything was met */
+#ifndef HYI_BVH_ANSWER_H
+#define HYI_BVH_ANSWER_H
+
+#include "walk.h"
+#include "../../shaders/shared/shape.h"
+#include "../../shaders/shared/surface.h"
+
+/* Where the answers of rays go: one of the three, by the ray's number. */
+typedef struct hyi_answers {
+    hyk_hit *hits;
+    hydra_hit *told;
+    uint8_t *occluded;
+} hyi_answers;
+
+HYI_INLINE hyi_answers hyi_answers_from(const hyi_answers *answers, size_t first) {
+    hyi_answers from;
+    from.hits = answers->hits ? answers->hits + first : NULL;
+    from.told = answers->told ? answers->told + first : NULL;
+    from.occluded = answers->occluded ? answers->occluded + first : NULL;
+    return from;
+}
+
+/* ---- for the renderer */
+
+HYI_INLINE void hyi_answer(const hyi_accel *accel, const hyi_best *best, hyk_hit *hit) {
+    bool found = best->instance != HYK_NONE;
+    hit->t = found ? best->t : -1.0f;
+    hit->u = best->u;
+    hit->v = best->v;
+    hit->instance = best->instance;
+    hit->primitive = best->primitive;
+    hyi_locate_in_world(accel, &hit->instance, &hit->primitive);
+}
+
+HYI_INLINE void hyi_answer_miss(hyk_hit *hit) {
+    hit->t = -1.0f;
+    hit->u = hit->v = 0.0f;
+    hit->instance = hit->primitive = HYK_NONE;
+}
+
+/* ---- for the caller */
+
+/* Of a triangle whose corners' coordinates lie stride floats apart. Squares of products of floats stay in double's range, so
+   nothing has to be scaled. Packets take the same steps. */
+HYI_INLINE void hyi_unit_normal(const float *a, const float *b, const float *c, size_t stride, float normal[3]) {
+    double e[3], f[3], n[3];
+    for (size_t i = 0; i < 3; i++) {
+        e[i] = (double)b[i * stride] - (double)a[i * stride];
+        f[i] = (double)c[i * stride] - (double)a[i * stride];
+    }
+    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+    double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(n[0], n[0], n[1], n[1], n[2], n[2])));
+    for (int i = 0; i < 3; i++) normal[i] = (float)(n[i] * inverse);
+}
+
+/* Whose triangles a tree holds is known by the instance of a hit in it, before that is located in the world. */
+HYI_INLINE const hyi_bvh *hyi_tree_of(const hyi_accel *accel, uint32_t instance) {
+    return accel->world && instance == 0 ? accel->world : &accel->meshes[accel->view->instances[instance].mesh];
+}
+
+/* From the caller's corners. */
+HYI_FN void hyi_normal_of_hit(const hyi_accel *accel, const hyk_hit *hit, float normal[3]) {
+    const hyk_mesh_arrays *arrays = &accel->view->mesh_arrays[accel->view->instances[hit->instance].mesh];
+    const uint32_t *index = arrays->indices + 3u * (size_t)hit->primitive;
+    const float *at = arrays->positions;
+    hyi_unit_normal(at + 3u * (size_t)index[0], at + 3u * (size_t)index[1], at + 3u * (size_t)index[2], 1u, normal);
+}
+
+/* The tree's own copy of the corners has just been read, and holds the same floats unless it is scaled. */
+HYI_INLINE void hyi_normal_of_lane(const hyi_accel *accel, const hyi_bvh *bvh, uint32_t leaf, uint32_t lane, const hyk_hit *hit, float normal[3]) {
+    if (bvh->scale != 1.0f) {
+        hyi_normal_of_hit(accel, hit, normal);
+        return;
+    }
+    const float *row = hyi_leaf_rows(bvh, leaf) + lane;
+    size_t count = hyi_leaf_count(leaf);
+    hyi_unit_normal(row, row + 3u * count, row + 6u * count, count, normal);
+}
+
+/* Completes the answer for a hit on a surface, whose normal in the mesh's own space is there. */
+HYI_INLINE void hyi_tell_surface(const hyi_accel *accel, const hyk_hit *hit, hydra_hit *out) {
+    const hyk_instance *placed = &accel->view->instances[hit->instance];
+    out->t = hit->t;
+    out->u = hit->u;
+    out->v = hit->v;
+    out->primitive = hit->primitive;
+    out->mesh = placed->mesh + 1;
+    out->instance = accel->placed_ids[hit->instance];
+    out->light = 0;
+    if (placed->flags & HYK_INSTANCE_IDENTITY) return;
+    hyk_vec3 n = hyk_normalize(hyk_transform_normal(*placed, hyk_make3(out->normal[0], out->normal[1], out->normal[2])));
+    out->normal[0] = n.x;
+    out->normal[1] = n.y;
+    out->normal[2] = n.z;
+}
+
+HYI_INLINE void hyi_tell_miss(hydra_hit *out) {
+    out->t = -1.0f;
+    out->u = out->v = 0.0f;
+    out->primitive = HYDRA_NONE;
+    out->mesh = out->instance = out->light = 0;
+    out->normal[0] = out->normal[1] = out->normal[2] = 0.0f;
+}
+
+HYI_FN void hyi_tell_shape(const hyi_accel *accel, uint32_t light, float t, const hyk_ray *at, hydra_hit *out) {
+    hyk_ray ray = hyi_load_ray(at);
+    hyk_vec3 n = hyk_shape_normal(accel->view->lights[light], hyk_add_scaled(ray.origin, ray.direction, t));
+    hyi_tell_miss(out);
+    out->t = t;
+    out->light = accel->light_ids[light];
+    out->normal[0] = n.x;
+    out->normal[1] = n.y;
+    out->normal[2] = n.z;
+}
+
+HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight, hydra_hit *out) {
+    hyk_hit hit;
+    if (flight->best.instance == HYK_NONE) {
+        hyi_tell_miss(out);
+        return;
+    }
+    hyi_answer(accel, &flight->best, &hit);
+    hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->leaf, flight->lane, &hit, out->normal);
+    hyi_tell_surface(accel, &hit, out);
+}
+
+/* ---- for either */
+
+/* Answers ray number k. */
+HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const hyi_answers *answers, size_t k) {
+    if (answers->occluded) answers->occluded[k] = flight->best.instance != HYK_NONE;
+    else if (answers->hits) hyi_answer(accel, &flight->best, &answers->hits[k]);
+    else hyi_tell_flight(accel, flight, &answers->told[k]);
+}
+
+#endif /* HYI_BVH_ANSWER_H */
