@@ -283,7 +283,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_
 }
 
 /* Offers a triangle to the rays that may hit it. Returns whether one of them does. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_meeting) *m) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_meeting) *m, bool any) {
     uint32_t left = m->possible;
     if (!swarm->site.asks_alpha) {
         HYI_I(hyi_verdict_all) verdict;
@@ -291,7 +291,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
         left &= ~verdict.missed;
         if (!left) return false;
         uint32_t open = left;
-        if (swarm->any) {
+        if (any) {
             open &= ~HYI_BITSW(HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(packet->best_t))));
             HYI_I(hyi_stop_rays)(swarm, packet, left & ~open);
         } else {
@@ -305,8 +305,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
 }
 
 /* node, c: where the leaf hangs; NULL: nowhere. */
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
-                                                    const hyi_node *node, uint32_t c) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
+                                                   const hyi_node *node, uint32_t c, bool any) {
     uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
@@ -315,10 +315,23 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint
         for (uint32_t t = 0; t < triangles; t++) {
             HYI_I(hyi_meeting) m;
             HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
-            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m)) found = true;
+            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_any)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, true);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_closest)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, false);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
+    else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
 }
 
 /* ---- working out what was found */
