@@ -127,6 +127,14 @@ HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight
 
 /* ---- for either */
 
+/* Hits of count rays from number k on will be written soon: they fill more cache lines than wait for memory at a time. */
+HYI_INLINE void hyi_prefetch_answers(const hyi_answers *answers, size_t k, size_t count) {
+    const char *at = answers->told ? (const char *)&answers->told[k] : (const char *)&answers->hits[k];
+    size_t bytes = count * (answers->told ? sizeof *answers->told : sizeof *answers->hits);
+    if (answers->occluded) return;
+    for (size_t i = 0; i < bytes; i += 64u) hyi_prefetch(at + i);
+}
+
 /* Answers ray number k. */
 HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const hyi_answers *answers, size_t k) {
     if (answers->occluded) answers->occluded[k] = flight->best.instance != HYK_NONE;

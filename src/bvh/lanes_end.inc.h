@@ -83,14 +83,14 @@
 #undef HYI_PIN8
 #undef HYI_PIND
 #undef HYI_PINW
+#undef HYI_SAME4
+#undef HYI_SAMEW
 #undef HYI_SET2
 #undef HYI_SET4
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
-#undef HYI_SQRT2
-#undef HYI_SQRTD
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8

@@ -28,6 +28,7 @@ HYI_PAIR(min8, f8, f8, HYI_MIN4)
 HYI_PAIR(max8, f8, f8, HYI_MAX4)
 HYI_PAIR(lt8, m8, f8, HYI_LT4)
 HYI_PAIR(le8, m8, f8, HYI_LE4)
+HYI_PAIR(same8, m8, f8, HYI_SAME4)
 HYI_PAIR(and8, m8, m8, HYI_AND4)
 HYI_PAIR(or8, m8, m8, HYI_OR4)
 HYI_PAIR(add_doubles, d4, d4, HYI_ADD2)
@@ -126,12 +127,6 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_lt_doubles)(HYI_I(hyi_d4) a, HYI_I(hyi_
     return HYI_BITS2_2(HYI_LT2(a.low, b.low), HYI_LT2(a.high, b.high));
 }
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_sqrt_doubles)(HYI_I(hyi_d4) a) {
-    a.low = HYI_SQRT2(a.low);
-    a.high = HYI_SQRT2(a.high);
-    return a;
-}
-
 HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
     a.low = HYI_PIN2(a.low);
     a.high = HYI_PIN2(a.high);
@@ -193,6 +188,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_ANDW(a, b) HYI_AND8(a, b)
 #define HYI_ORW(a, b) HYI_OR8(a, b)
 #define HYI_CHOOSEW(m, a, b) HYI_I(hyi_choose8)(m, a, b)
+#define HYI_SAMEW(a, b) HYI_I(hyi_same8)(a, b)
 #define HYI_BITSW(m) HYI_BITS8(m)
 #define HYI_PINW(a) HYI_PIN8(a)
 #define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
@@ -210,7 +206,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_SUBD(a, b) HYI_I(hyi_sub_doubles)(a, b)
 #define HYI_MULD(a, b) HYI_I(hyi_mul_doubles)(a, b)
 #define HYI_DIVD(a, b) HYI_I(hyi_div_doubles)(a, b)
-#define HYI_SQRTD(a) HYI_I(hyi_sqrt_doubles)(a)
 #define HYI_MIND(a, b) HYI_I(hyi_min_doubles)(a, b)
 #define HYI_MAXD(a, b) HYI_I(hyi_max_doubles)(a, b)
 #define HYI_LTD(a, b) HYI_I(hyi_lt_doubles)(a, b)

@@ -336,66 +336,76 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, 
 
 /* ---- working out what was found */
 
-/* The triangles found, one a lane: coordinates of corner k in rows 3 k and on, in the order of axis. Lanes without one get
-   any other. */
-HYI_INLINE void HYI_I(hyi_gather_found)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], float rows[9][HYI_PACKET_WIDTH]) {
-    for (uint32_t lane = 0; lane < HYI_LANES; lane++) {
-        uint32_t leaf = packet->leaf.word[lane] ? packet->leaf.word[lane] : hyi_make_leaf(0u, 1u);
-        const float *row = hyi_leaf_rows(bvh, leaf) + packet->triangle.word[lane];
-        uint32_t count = hyi_leaf_count(leaf);
-        for (uint32_t k = 0; k < 3u; k++) {
-            rows[3u * k][lane] = row[(3u * k + axis[0]) * count];
-            rows[3u * k + 1u][lane] = row[(3u * k + axis[1]) * count];
-            rows[3u * k + 2u][lane] = row[(3u * k + axis[2]) * count];
-        }
+/* The triangles that a packet found, and who found each. */
+typedef struct HYI_I(hyi_finds) {
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t count;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
+} HYI_I(hyi_finds);
+
+/* Rays of a packet find few triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
+    finds->count = 0;
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = packet->leaf.word[lane];
+        finds->triangle[k] = packet->triangle.word[lane];
+        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
+        left &= ~finds->lanes[k];
     }
 }
 
-/* The planes of as many triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(float rows[9][HYI_PACKET_WIDTH], int half, HYI_I(hyi_plane_half) *plane) {
+/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                   const uint32_t axis[3], HYI_FW rows[9]) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (uint32_t f = 0; f < finds->count; f++) {
+        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
+        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+    }
+}
+
+/* The planes of as many triangles as there are lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
     HYI_FD e[3], f[3];
     for (int i = 0; i < 3; i++) {
-        plane->corner[i] = HYI_HALFD(HYI_LOADW(rows[i]), half);
-        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(HYI_LOADW(rows[i + 3]), half), plane->corner[i]));
-        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(HYI_LOADW(rows[i + 6]), half), plane->corner[i]));
+        plane->corner[i] = HYI_HALFD(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
     }
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3, k = (i + 2) % 3;
         plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
     }
-    plane->z[0] = HYI_HALFD(HYI_LOADW(rows[5]), half);
-    plane->z[1] = HYI_HALFD(HYI_LOADW(rows[8]), half);
+    plane->z[0] = HYI_HALFD(rows[5], half);
+    plane->z[1] = HYI_HALFD(rows[8], half);
 }
 
-/* hyi_unit_normal, from the normal in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_store_normals)(const uint32_t axis[3], const HYI_FD n[3], int half, float normal[3][HYI_PACKET_WIDTH]) {
-    HYI_FD in_space[3];
-    for (int i = 0; i < 3; i++) in_space[axis[i]] = n[i];
-    HYI_FD length = HYI_SQRTD(HYI_I(hyi_sum_products_half)(in_space, in_space)), inverse = HYI_PIND(HYI_DIVD(HYI_SETD(1.0), length));
-    for (int i = 0; i < 3; i++) HYI_STOREH(normal[i], half, HYI_MULD(in_space[i], inverse));
-}
-
-/* Hits of a packet, where there are any. */
-typedef struct HYI_I(hyi_found_all) {
-    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
-    float normal[3][HYI_PACKET_WIDTH];
-} HYI_I(hyi_found_all);
-
-HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_bvh *bvh, const hyi_packet *packet, bool normals, HYI_I(hyi_found_all) *found) {
-    float rows[9][HYI_PACKET_WIDTH];
+/* Works out all hits of a packet. */
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW rows[9];
     HYI_I(hyi_corner_all) corners[3];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_gather_found)(bvh, packet, axis, rows);
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, HYI_LOADW(rows[3 * k]), HYI_LOADW(rows[3 * k + 1]), HYI_LOADW(rows[3 * k + 2]));
+    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    if (finds->count == 0) return;
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
         HYI_I(hyi_outcome_half) outcome;
         HYI_I(hyi_planes_half)(rows, half, &plane);
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
-        HYI_STOREH(found->t, half, outcome.t);
-        HYI_I(hyi_store_weights)(&outcome, half, found->u, found->v);
-        if (normals) HYI_I(hyi_store_normals)(axis, plane.n, half, found->normal);
+        HYI_STOREH(finds->t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
     }
 }
 
@@ -574,37 +584,49 @@ HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *oc
     for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
 }
 
-/* The hit of one lane, located in the world. */
-HYI_INLINE void HYI_I(hyi_unpack_hit)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_found_all) *found, uint32_t i, hyk_hit *hit) {
-    bool any = packet->leaf.word[i] != 0;
-    hit->t = any ? found->t[i] : -1.0f;
-    hit->u = any ? found->u[i] : 0.0f;
-    hit->v = any ? found->v[i] : 0.0f;
-    hit->instance = any ? swarm->site.instance : HYK_NONE;
-    hit->primitive = any ? swarm->site.bvh->ids[hyi_leaf_first(packet->leaf.word[i]) + packet->triangle.word[i]] : HYK_NONE;
-    if (any) hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
+    uint32_t left = HYI_ALLW;
+    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
+    for (; left; left &= left - 1u) {
+        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
+        if (answers->told) hyi_tell_miss(&answers->told[ray]);
+        else hyi_answer_miss(&answers->hits[ray]);
+    }
 }
 
 /* Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_INLINE void HYI_I(hyi_unpack_told)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_found_all) *found, uint32_t i, hydra_hit *out) {
-    hyk_hit hit;
-    if (packet->leaf.word[i] == 0) {
-        hyi_tell_miss(out);
-        return;
-    }
-    HYI_I(hyi_unpack_hit)(swarm, packet, found, i, &hit);
-    for (int a = 0; a < 3; a++) out->normal[a] = found->normal[a][i];
-    if (swarm->site.bvh->scale != 1.0f) hyi_normal_of_hit(swarm->site.accel, &hit, out->normal);
-    hyi_tell_surface(swarm->site.accel, &hit, out);
-}
-
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
-    HYI_I(hyi_found_all) found;
-    HYI_I(hyi_work_out)(swarm->site.bvh, packet, answers->told != NULL, &found);
-    for (uint32_t i = 0; i < packet->count; i++) {
-        if (answers->told) HYI_I(hyi_unpack_told)(swarm, packet, &found, i, &answers->told[packet->ray[i]]);
-        else HYI_I(hyi_unpack_hit)(swarm, packet, &found, i, &answers->hits[packet->ray[i]]);
+    const hyi_accel *accel = swarm->site.accel;
+    hyi_answers to = *answers;
+    HYI_I(hyi_finds) finds;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) {
+        hyk_hit hit;
+        hydra_hit told;
+        hit.t = hit.u = hit.v = 0.0f;
+        hit.instance = swarm->site.instance;
+        hit.primitive = finds.primitive[f];
+        hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
+        if (to.told) {
+            hyi_normal_of_lane(accel, swarm->site.bvh, finds.leaf[f], finds.triangle[f], &hit, told.normal);
+            hyi_tell_surface(accel, &hit, &told);
+        }
+        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
+            uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
+            if (to.told) {
+                to.told[ray] = told;
+                to.told[ray].t = finds.t[lane];
+                to.told[ray].u = finds.u[lane];
+                to.told[ray].v = finds.v[lane];
+            } else {
+                to.hits[ray] = hit;
+                to.hits[ray].t = finds.t[lane];
+                to.hits[ray].u = finds.u[lane];
+                to.hits[ray].v = finds.v[lane];
+            }
+        }
     }
+    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
 }
 
 /* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
@@ -639,18 +661,21 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 
 /* Hits that are not the packet's own are the flights' already. */
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
-    HYI_I(hyi_found_all) found;
-    if (!swarm->any) HYI_I(hyi_work_out)(swarm->site.bvh, packet, false, &found);
-    for (uint32_t i = 0; i < packet->count; i++) {
-        hyi_flight *flight = &swarm->flights[packet->ray[i]];
-        flight->best.instance = packet->instance[i];
-        if (swarm->any || packet->leaf.word[i] == 0) continue;
-        flight->best.t = found.t[i];
-        flight->best.u = found.u[i];
-        flight->best.v = found.v[i];
-        flight->best.instance = swarm->site.instance;
-        flight->best.primitive = swarm->site.bvh->ids[hyi_leaf_first(packet->leaf.word[i]) + packet->triangle.word[i]];
-        flight->leaf = packet->leaf.word[i];
-        flight->lane = packet->triangle.word[i];
+    HYI_I(hyi_finds) finds;
+    for (uint32_t i = 0; i < packet->count; i++) swarm->flights[packet->ray[i]].best.instance = packet->instance[i];
+    if (swarm->any) return;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) {
+        for (uint32_t left = finds.lanes[f] & ((1u << packet->count) - 1u); left; left &= left - 1u) {
+            uint32_t lane = hyi_lowest_bit(left);
+            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
+            flight->best.t = finds.t[lane];
+            flight->best.u = finds.u[lane];
+            flight->best.v = finds.v[lane];
+            flight->best.instance = swarm->site.instance;
+            flight->best.primitive = finds.primitive[f];
+            flight->leaf = finds.leaf[f];
+            flight->lane = finds.triangle[f];
+        }
     }
 }

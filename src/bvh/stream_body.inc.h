@@ -236,6 +236,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
     }
     if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
     for (uint32_t i = 0; i < made; i++) {
+        if (i + 3u < made) hyi_prefetch_answers(answers, swarm.packets[i + 3u].ray[0], HYI_LANES);
         if (swarm.any) HYI_I(hyi_unpack_occluded)(&swarm.packets[i], answers->occluded);
         else HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], answers);
     }
