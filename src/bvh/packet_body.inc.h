@@ -68,6 +68,13 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                     HYI_I(hyi_corner_all) corners[3]) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf) + triangle;
+    uint32_t count = hyi_leaf_count(leaf);
+    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * count, count);
+}
+
 /* One triangle to all rays: the edge functions w, t at the corners, and which rays may hit it. */
 typedef struct HYI_I(hyi_meeting) {
     HYI_I(hyi_corner_all) corners[3];
@@ -77,10 +84,8 @@ typedef struct HYI_I(hyi_meeting) {
 
 /* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf) + triangle;
-    uint32_t count = hyi_leaf_count(leaf);
     HYI_I(hyi_corner_all) *k = m->corners;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * i * count, count);
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, k);
     m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
     m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
     m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
@@ -219,11 +224,12 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 }
 
 /* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                 const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
+HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
+    HYI_I(hyi_corner_all) corners[3];
     HYI_I(hyi_plane_half) plane;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, corners);
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_outcome_half) outcome;
@@ -253,11 +259,9 @@ HYI_INLINE void HYI_I(hyi_stop_rays)(const hyi_swarm *swarm, hyi_packet *packet,
 /* Works out the hits that the rays in mask have put off. */
 HYI_FN HYI_TARGET void HYI_I(hyi_settle_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
     for (mask &= packet->waiting; mask; mask &= mask - 1u) {
-        uint32_t lane = hyi_lowest_bit(mask), leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
-        HYI_I(hyi_meeting) m;
-        HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, triangle, &m);
+        uint32_t lane = hyi_lowest_bit(mask);
         packet->waiting &= ~(1u << lane);
-        (void)HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, m.corners, 1u << lane);
+        (void)HYI_I(hyi_decide_for_all)(swarm, packet, packet->leaf.word[lane], packet->triangle.word[lane], 1u << lane);
     }
 }
 
@@ -299,9 +303,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
         }
         if (!open) return true;
         if (packet->waiting & open) HYI_I(hyi_settle_rays)(swarm, packet, open);
-        return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, m->corners, open) || open != left;
+        return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, open) || open != left;
     }
-    return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, m->corners, left);
+    return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
 }
 
 /* node, c: where the leaf hangs; NULL: nowhere. */
