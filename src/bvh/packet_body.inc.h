@@ -308,6 +308,27 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
 }
 
+/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit: those whose corners do not lie all
+   on one side of all rays along an axis of the sheared frames. Rounding is monotone, so what is greater for all rays before
+   it is not less after. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t count = hyi_leaf_count(leaf);
+    HYI_F8 low[2], high[2], zero = HYI_ZERO8();
+    for (uint32_t k = 0; k < 3u; k++) {
+        HYI_F8 z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[2]) * count), HYI_SET8(p->origin[2][0])));
+        for (uint32_t a = 0; a < 2u; a++) {
+            HYI_F8 d = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[a]) * count), HYI_SET8(p->origin[a][0])));
+            HYI_F8 one = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_low[a]), z)), other = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_high[a]), z));
+            HYI_F8 least = HYI_SUB8(d, HYI_MAX8(one, other)), most = HYI_SUB8(d, HYI_MIN8(one, other));
+            low[a] = k ? HYI_MIN8(low[a], least) : least;
+            high[a] = k ? HYI_MAX8(high[a], most) : most;
+        }
+    }
+    HYI_M8 beside = HYI_OR8(HYI_OR8(HYI_LT8(zero, low[0]), HYI_LT8(high[0], zero)), HYI_OR8(HYI_LT8(zero, low[1]), HYI_LT8(high[1], zero)));
+    return ~HYI_BITS8(beside) & ((1u << count) - 1u);
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
@@ -316,7 +337,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint3
         hyi_packet *packet = &swarm->packets[list[i]];
         bool found = false;
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
-        for (uint32_t t = 0; t < triangles; t++) {
+        uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
+        for (; some; some &= some - 1u) {
+            uint32_t t = hyi_lowest_bit(some);
             HYI_I(hyi_meeting) m;
             HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
             if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
@@ -422,7 +445,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
-        if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
+        packet->shear_low[a] = HYI_LEASTW(shear);
+        packet->shear_high[a] = HYI_GREATESTW(shear);
+        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
         low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
