@@ -42,8 +42,8 @@ HYI_INLINE void hyi_answer_miss(hyk_hit *hit) {
 /* ---- for the caller */
 
 /* Of a triangle whose corners' coordinates lie stride floats apart. Squares of products of floats stay in double's range, so
-   nothing has to be scaled. Packets take the same steps. */
-HYI_INLINE void hyi_unit_normal(const float *a, const float *b, const float *c, size_t stride, float normal[3]) {
+   nothing has to be scaled. */
+HYI_INLINE hyk_vec3 hyi_unit_normal(const float *a, const float *b, const float *c, size_t stride) {
     double e[3], f[3], n[3];
     for (size_t i = 0; i < 3; i++) {
         e[i] = (double)b[i * stride] - (double)a[i * stride];
@@ -51,7 +51,7 @@ HYI_INLINE void hyi_unit_normal(const float *a, const float *b, const float *c, 
     }
     for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
     double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(n[0], n[0], n[1], n[1], n[2], n[2])));
-    for (int i = 0; i < 3; i++) normal[i] = (float)(n[i] * inverse);
+    return hyk_make3((float)(n[0] * inverse), (float)(n[1] * inverse), (float)(n[2] * inverse));
 }
 
 /* Whose triangles a tree holds is known by the instance of a hit in it, before that is located in the world. */
@@ -60,39 +60,47 @@ HYI_INLINE const hyi_bvh *hyi_tree_of(const hyi_accel *accel, uint32_t instance)
 }
 
 /* From the caller's corners. */
-HYI_FN void hyi_normal_of_hit(const hyi_accel *accel, const hyk_hit *hit, float normal[3]) {
-    const hyk_mesh_arrays *arrays = &accel->view->mesh_arrays[accel->view->instances[hit->instance].mesh];
-    const uint32_t *index = arrays->indices + 3u * (size_t)hit->primitive;
+HYI_FN hyk_vec3 hyi_normal_of_hit(const hyi_accel *accel, hyk_hit hit) {
+    const hyk_mesh_arrays *arrays = &accel->view->mesh_arrays[accel->view->instances[hit.instance].mesh];
+    const uint32_t *index = arrays->indices + 3u * (size_t)hit.primitive;
     const float *at = arrays->positions;
-    hyi_unit_normal(at + 3u * (size_t)index[0], at + 3u * (size_t)index[1], at + 3u * (size_t)index[2], 1u, normal);
+    return hyi_unit_normal(at + 3u * (size_t)index[0], at + 3u * (size_t)index[1], at + 3u * (size_t)index[2], 1u);
 }
 
 /* The tree's own copy of the corners has just been read, and holds the same floats unless it is scaled. */
-HYI_INLINE void hyi_normal_of_lane(const hyi_accel *accel, const hyi_bvh *bvh, uint32_t leaf, uint32_t lane, const hyk_hit *hit, float normal[3]) {
-    if (bvh->scale != 1.0f) {
-        hyi_normal_of_hit(accel, hit, normal);
-        return;
-    }
+HYI_INLINE hyk_vec3 hyi_normal_of_lane(const hyi_accel *accel, const hyi_bvh *bvh, uint32_t leaf, uint32_t lane, hyk_hit hit) {
+    if (bvh->scale != 1.0f) return hyi_normal_of_hit(accel, hit);
     const float *row = hyi_leaf_rows(bvh, leaf) + lane;
     size_t count = hyi_leaf_count(leaf);
-    hyi_unit_normal(row, row + 3u * count, row + 6u * count, count, normal);
+    return hyi_unit_normal(row, row + 3u * count, row + 6u * count, count);
 }
 
-/* Completes the answer for a hit on a surface, whose normal in the mesh's own space is there. */
-HYI_INLINE void hyi_tell_surface(const hyi_accel *accel, const hyk_hit *hit, hydra_hit *out) {
-    const hyk_instance *placed = &accel->view->instances[hit->instance];
-    out->t = hit->t;
-    out->u = hit->u;
-    out->v = hit->v;
-    out->primitive = hit->primitive;
+/* n: the normal in the mesh's own space. */
+HYI_INLINE void hyi_tell_surface(const hyi_accel *accel, hyk_hit hit, hyk_vec3 n, hydra_hit *out) {
+    const hyk_instance *placed = &accel->view->instances[hit.instance];
+    if (!(placed->flags & HYK_INSTANCE_IDENTITY)) n = hyk_normalize(hyk_transform_normal(*placed, n));
+    out->t = hit.t;
+    out->u = hit.u;
+    out->v = hit.v;
+    out->primitive = hit.primitive;
     out->mesh = placed->mesh + 1;
-    out->instance = accel->placed_ids[hit->instance];
+    out->instance = accel->placed_ids[hit.instance];
     out->light = 0;
-    if (placed->flags & HYK_INSTANCE_IDENTITY) return;
-    hyk_vec3 n = hyk_normalize(hyk_transform_normal(*placed, hyk_make3(out->normal[0], out->normal[1], out->normal[2])));
     out->normal[0] = n.x;
     out->normal[1] = n.y;
     out->normal[2] = n.z;
+}
+
+/* A second answer of a ray that met the same triangle elsewhere. Word by word: a copy would wait for the first one's stores. */
+HYI_INLINE void hyi_tell_alike(const hydra_hit *other, hyk_hit hit, hydra_hit *out) {
+    out->t = hit.t;
+    out->u = hit.u;
+    out->v = hit.v;
+    out->primitive = other->primitive;
+    out->mesh = other->mesh;
+    out->instance = other->instance;
+    out->light = other->light;
+    for (int i = 0; i < 3; i++) out->normal[i] = other->normal[i];
 }
 
 HYI_INLINE void hyi_tell_miss(hydra_hit *out) {
@@ -121,8 +129,7 @@ HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight
         return;
     }
     hyi_answer(accel, &flight->best, &hit);
-    hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->leaf, flight->lane, &hit, out->normal);
-    hyi_tell_surface(accel, &hit, out);
+    hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->leaf, flight->lane, hit), out);
 }
 
 /* ---- for either */

@@ -623,38 +623,31 @@ HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(h
     }
 }
 
-/* Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
+/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
     const hyi_accel *accel = swarm->site.accel;
+    hyk_hit hit;
+    hydra_hit told;
+    hit.t = hit.u = hit.v = 0.0f;
+    hit.instance = swarm->site.instance;
+    hit.primitive = finds->primitive[f];
+    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
+    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
+    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
+        hit.t = finds->t[lane];
+        hit.u = finds->u[lane];
+        hit.v = finds->v[lane];
+        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
+        else answers->hits[ray] = hit;
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
     hyi_answers to = *answers;
     HYI_I(hyi_finds) finds;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) {
-        hyk_hit hit;
-        hydra_hit told;
-        hit.t = hit.u = hit.v = 0.0f;
-        hit.instance = swarm->site.instance;
-        hit.primitive = finds.primitive[f];
-        hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
-        if (to.told) {
-            hyi_normal_of_lane(accel, swarm->site.bvh, finds.leaf[f], finds.triangle[f], &hit, told.normal);
-            hyi_tell_surface(accel, &hit, &told);
-        }
-        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
-            uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
-            if (to.told) {
-                to.told[ray] = told;
-                to.told[ray].t = finds.t[lane];
-                to.told[ray].u = finds.u[lane];
-                to.told[ray].v = finds.v[lane];
-            } else {
-                to.hits[ray] = hit;
-                to.hits[ray].t = finds.t[lane];
-                to.hits[ray].u = finds.u[lane];
-                to.hits[ray].v = finds.v[lane];
-            }
-        }
-    }
+    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
     HYI_I(hyi_unpack_misses)(packet, &finds, &to);
 }
 

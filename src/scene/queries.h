@@ -15,8 +15,7 @@ HYI_FN void hyi_tell_hits(const hydra_scene *scene, const hyk_hit *found, const 
         if (found[i].instance == HYK_HIT_SHAPE) {
             hyi_tell_shape(accel, found[i].primitive, found[i].t, (const hyk_ray *)(const void *)&rays[i], &hits[i]);
         } else if (found[i].instance != HYK_NONE) {
-            hyi_normal_of_hit(accel, &found[i], hits[i].normal);
-            hyi_tell_surface(accel, &found[i], &hits[i]);
+            hyi_tell_surface(accel, found[i], hyi_normal_of_hit(accel, found[i]), &hits[i]);
         } else {
             hyi_tell_miss(&hits[i]);
         }
