@@ -256,6 +256,17 @@ HYI_INLINE void HYI_I(hyi_stop_rays)(const hyi_swarm *swarm, hyi_packet *packet,
     }
 }
 
+/* Of the rays in mask, those that have not found the same triangle in another leaf: spatial splits put it into several. */
+HYI_FN uint32_t HYI_I(hyi_new_to_rays)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
+    const uint32_t *ids = swarm->site.bvh->ids;
+    uint32_t primitive = ids[hyi_leaf_first(leaf) + triangle], left = mask;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask), other = packet->leaf.word[lane];
+        if (other && ids[hyi_leaf_first(other) + packet->triangle.word[lane]] == primitive) left &= ~(1u << lane);
+    }
+    return left;
+}
+
 /* Works out the hits that the rays in mask have put off. */
 HYI_FN HYI_TARGET void HYI_I(hyi_settle_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
     for (mask &= packet->waiting; mask; mask &= mask - 1u) {
@@ -302,8 +313,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
             open = HYI_I(hyi_expect_all)(packet, leaf, triangle, &verdict, left);
         }
         if (!open) return true;
-        if (packet->waiting & open) HYI_I(hyi_settle_rays)(swarm, packet, open);
-        return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, open) || open != left;
+        open = HYI_I(hyi_new_to_rays)(swarm, packet, leaf, triangle, open);
+        HYI_I(hyi_settle_rays)(swarm, packet, open);
+        return (open && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, open)) || open != left;
     }
     return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
 }
