@@ -105,14 +105,12 @@ HYI_INLINE void hyi_cost_of(const hyi_build *build, uint32_t at) {
     else hyi_cost_of_inner(build, node, &build->costs[at]);
 }
 
-/* Those above the tasks, which were collected from left to right. Goes no deeper than HYI_TREE_DEPTH. */
-HYI_FN void hyi_cost_above(const hyi_build *build, uint32_t at, uint32_t *next) {
-    if (*next < build->task_count && build->tasks[*next].node == at) {
-        ++*next;
-        return;
-    }
-    hyi_cost_above(build, build->nodes[at].first, next);
-    hyi_cost_above(build, build->nodes[at].first + 1u, next);
+/* Those above the tasks: what has more references than these. Goes no deeper than HYI_TREE_DEPTH. */
+HYI_FN void hyi_cost_above(const hyi_build *build, uint32_t at) {
+    const hyi_build_node *node = &build->nodes[at];
+    if ((node->count & ~HYI_BUILD_INNER) <= HYI_BUILD_TASK) return;
+    hyi_cost_above(build, node->first);
+    hyi_cost_above(build, node->first + 1u);
     hyi_cost_of(build, at);
 }
 

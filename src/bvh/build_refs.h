@@ -7,6 +7,9 @@
 /* Work is cut into pieces of this many primitives whatever the number of threads: same pieces, same tree. */
 #define HYI_BUILD_CHUNK 4096u
 
+/* A subtree over no more references is one thread's work: small trees are work for many. */
+#define HYI_BUILD_TASK 1024u
+
 /* References that spatial splits may add, in percent of the triangles: memory for them is known before the build. */
 #define HYI_BUILD_EXTRA_PERCENT 40u
 

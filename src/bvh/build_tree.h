@@ -1,4 +1,4 @@
-/* >>bvh-build-tree: the binary tree: large ranges cut by all threads together, small ones a thread each */
+/* >>bvh-build-tree: the binary tree: large ranges cut by all threads together, others a thread each */
 #ifndef HYI_BVH_BUILD_TREE_H
 #define HYI_BVH_BUILD_TREE_H
 
@@ -32,7 +32,12 @@ typedef struct hyi_small {
     hyi_spatial_bins spatial;
 } hyi_small;
 
-/* ---- small ranges, in one thread. They lie in refs; other is room to work in. */
+/* ---- ranges in one thread. They lie in refs; other is room to work in. */
+
+HYI_FN void hyi_bring_home(hyi_build *build, hyi_range *range) {
+    if (range->in_other) memcpy(build->refs + range->first, build->other + range->first, range->count * sizeof(hyi_ref));
+    range->in_other = false;
+}
 
 HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_range *range, const hyi_binning *binning) {
     const hyi_ref *refs = build->refs + range->first;
@@ -114,8 +119,7 @@ HYI_FN void hyi_build_subtree(void *argument, uint32_t index) {
     hyi_small work;
     uint32_t waiting = 1;
     list[0] = build->tasks[index];
-    if (list[0].in_other) memcpy(build->refs + list[0].first, build->other + list[0].first, list[0].count * sizeof(hyi_ref));
-    list[0].in_other = false;
+    hyi_bring_home(build, &list[0]);
     while (waiting > 0) {
         hyi_range range = list[--waiting], left, right;
         bool done = range.count == 0;
@@ -280,8 +284,15 @@ HYI_FN hyi_range hyi_root_range(const hyi_build *build) {
     return root;
 }
 
-/* Cuts large ranges until only small ones are left, which become tasks. */
-HYI_FN hydra_result hyi_collect_tasks(hyi_build *build) {
+HYI_FN hydra_result hyi_make_room_for_tasks(hyi_build *build, size_t more) {
+    size_t capacity = build->task_capacity;
+    HYI_TRY(hyi_grow_array(build->context, &build->tasks, &capacity, build->task_count + more));
+    build->task_capacity = (uint32_t)capacity;
+    return HYDRA_OK;
+}
+
+/* Cuts large ranges until none is left; the others become tasks. */
+HYI_FN hydra_result hyi_cut_large(hyi_build *build) {
     hyi_range list[HYI_TREE_DEPTH + 2u];
     uint32_t waiting = 1;
     list[0] = hyi_root_range(build);
@@ -295,12 +306,45 @@ HYI_FN hydra_result hyi_collect_tasks(hyi_build *build) {
             list[waiting++] = left;
             continue;
         }
-        size_t capacity = build->task_capacity;
-        HYI_TRY(hyi_grow_array(build->context, &build->tasks, &capacity, (size_t)build->task_count + 1u));
-        build->task_capacity = (uint32_t)capacity;
+        HYI_TRY(hyi_make_room_for_tasks(build, 1));
         build->tasks[build->task_count++] = range;
     }
     return HYDRA_OK;
+}
+
+/* Tasks that a round cuts: a left side comes where its range was, a right side as far behind as there are ranges. */
+typedef struct hyi_round {
+    hyi_build *build;
+    uint32_t first, count;
+} hyi_round;
+
+HYI_FN void hyi_cut_task(void *argument, uint32_t index) {
+    const hyi_round *round = (const hyi_round *)argument;
+    hyi_build *build = round->build;
+    hyi_small work;
+    hyi_range *left = &build->tasks[round->first + index], range = *left;
+    hyi_bring_home(build, &range);
+    hyi_set_build_node(build, &range);
+    (void)hyi_split_small(build, &work, &range, left, left + round->count); /* so many are always cut */
+}
+
+/* Tasks that are small enough come to stand before those of the next round. */
+HYI_FN hydra_result hyi_cut_tasks(hyi_build *build) {
+    hyi_round round;
+    round.build = build;
+    for (round.first = 0;;) {
+        for (uint32_t i = round.first; i < build->task_count; i++) {
+            hyi_range task = build->tasks[i];
+            if (task.count > HYI_BUILD_TASK) continue;
+            build->tasks[i] = build->tasks[round.first];
+            build->tasks[round.first++] = task;
+        }
+        round.count = build->task_count - round.first;
+        if (round.count == 0) return HYDRA_OK;
+        HYI_TRY(hyi_make_room_for_tasks(build, round.count));
+        hyi_parallel(build->context, round.count, hyi_cut_task, &round);
+        build->task_count += round.count;
+    }
 }
 
 /* The binary tree over all references; its root is the last node. */
@@ -317,10 +361,10 @@ HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
         build->chunk_split_count = hyi_chunks_of(build->capacity);
         HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_split_count));
     }
-    HYI_TRY(hyi_collect_tasks(build));
+    HYI_TRY(hyi_cut_large(build));
+    HYI_TRY(hyi_cut_tasks(build));
     hyi_parallel(build->context, build->task_count, hyi_build_subtree, build);
-    uint32_t next = 0;
-    hyi_cost_above(build, build->node_capacity - 1u, &next);
+    hyi_cost_above(build, build->node_capacity - 1u);
     return HYDRA_OK;
 }
 
