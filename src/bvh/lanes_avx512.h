@@ -117,6 +117,8 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
 #define HYI_MIN8(a, b) _mm256_min_ps(a, b)
 #define HYI_MAX8(a, b) _mm256_max_ps(a, b)
+#define HYI_MAX8_AS_INTS(a, b) _mm256_castsi256_ps(_mm256_max_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
+#define HYI_MIN8_AS_INTS(a, b) _mm256_castsi256_ps(_mm256_min_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
 #define HYI_LT8(a, b) _mm256_cmp_ps_mask(a, b, _CMP_LT_OQ)
 #define HYI_LE8(a, b) _mm256_cmp_ps_mask(a, b, _CMP_LE_OQ)
 #define HYI_AND8(a, b) ((__mmask8)((a) & (b)))

@@ -62,12 +62,16 @@
 #undef HYI_MAX4
 #undef HYI_MAX8
 #undef HYI_MAXD
+#undef HYI_MAX4_AS_INTS
 #undef HYI_MAXW
+#undef HYI_MAX8_AS_INTS
 #undef HYI_MIN2
 #undef HYI_MIN4
 #undef HYI_MIN8
 #undef HYI_MIN8_WHERE
+#undef HYI_MIN4_AS_INTS
 #undef HYI_MIND
+#undef HYI_MIN8_AS_INTS
 #undef HYI_MINW
 #undef HYI_MUL2
 #undef HYI_MUL4

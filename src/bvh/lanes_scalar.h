@@ -73,6 +73,8 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 #define HYI_MAD8(a, b, c) hyi_mad8_scalar(a, b, c)
 #define HYI_MIN8(a, b) hyi_min8_scalar(a, b)
 #define HYI_MAX8(a, b) hyi_max8_scalar(a, b)
+#define HYI_MAX8_AS_INTS(a, b) HYI_MAX8(a, b)
+#define HYI_MIN8_AS_INTS(a, b) HYI_MIN8(a, b)
 #define HYI_LT8(a, b) hyi_lt8_scalar(a, b)
 #define HYI_LE8(a, b) hyi_le8_scalar(a, b)
 #define HYI_AND8(a, b) ((a) & (b))
