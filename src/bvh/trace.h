@@ -103,16 +103,19 @@ HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
     return hyi_ray_is_sound(&ray);
 }
 
+/* false: the ray meets nothing, and may be unsound. */
+HYI_INLINE bool hyi_trace_one(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
+    bool flies = false;
+    HYI_DISPATCH(site->accel->isa, flies = hyi_trace_one, (site, flight, ray, any))
+    return flies;
+}
+
 HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     hyi_site site = hyi_first_site(accel);
     bool sound = true;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
-        if (hyi_flight_begin(&flight, site.bvh, &rays[i], FLT_MAX)) {
-            HYI_DISPATCH(accel->isa, hyi_walk_scene, (&site, &flight, site.bvh->root, answers->occluded != NULL))
-        } else {
-            sound = hyi_was_sound(&rays[i]) && sound;
-        }
+        if (!hyi_trace_one(&site, &flight, &rays[i], answers->occluded != NULL)) sound = hyi_was_sound(&rays[i]) && sound;
         hyi_tell(accel, &flight, answers, i);
     }
     return sound;

@@ -25,6 +25,8 @@
 #define HYI_FAR_AWAY 4611686018427387904.0f /* 2^62: a farther origin is moved to here */
 #define HYI_SLAB_BOUND 9.5367431640625e-07f  /* 2^-20 */
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
+#define HYI_SHORTEST 9.31322574615478515625e-10f /* 2^-30 */
+#define HYI_LONGEST 1073741824.0f            /* 2^30: directions between these keep their length */
 #define HYI_STEADY 8.67361737988403547e-19f  /* 2^-60: the smallest direction component */
 
 /* Bounds of what float gets wrong: see hyi_judge_triangles. */
@@ -75,7 +77,7 @@ HYI_FN bool hyi_scale_ray(hyi_aim *aim, float scale, const float *origin, const 
     if (!(largest > 0.0f && largest <= FLT_MAX)) return false;
     double factor = (double)scale, size = (double)largest * factor;
     aim->unit = aim->inverse_unit = 1.0;
-    if (size < 9.31322574615478515625e-10 || size > 1073741824.0) {
+    if (size < (double)HYI_SHORTEST || size > (double)HYI_LONGEST) {
         int exponent;
         (void)frexp(size, &exponent);
         aim->unit = ldexp(1.0, -exponent);
@@ -119,6 +121,14 @@ HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, cons
     }
 }
 
+/* From the direction in the order of axis. */
+HYI_INLINE void hyi_aim_along(hyi_aim *aim) {
+    aim->t_by_z = 1.0 / (double)aim->direction[2];
+    aim->shear[0] = (float)((double)aim->direction[0] * aim->t_by_z);
+    aim->shear[1] = (float)((double)aim->direction[1] * aim->t_by_z);
+    aim->inverse_z = (float)aim->t_by_z;
+}
+
 HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     uint32_t z = fabsf(d[0]) >= fabsf(d[1]) ? 0u : 1u;
     z = fabsf(d[2]) > fabsf(d[z]) ? 2u : z;
@@ -127,10 +137,7 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     aim->axis[2] = z;
     for (int a = 0; a < 3; a++) aim->origin[a] = o[aim->axis[a]];
     for (int a = 0; a < 3; a++) aim->direction[a] = d[aim->axis[a]];
-    aim->t_by_z = 1.0 / (double)d[z];
-    aim->shear[0] = (float)((double)aim->direction[0] * aim->t_by_z);
-    aim->shear[1] = (float)((double)aim->direction[1] * aim->t_by_z);
-    aim->inverse_z = (float)aim->t_by_z;
+    hyi_aim_along(aim);
 }
 
 /* The farthest t worth visiting, rounded outwards. */

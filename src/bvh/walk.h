@@ -174,22 +174,29 @@ HYI_INLINE void hyi_flight_stop(hyi_flight *flight) { flight->aim.t_far = -FLT_M
 #define HYI_T_LIMIT 3.0e38f
 HYI_INLINE float hyi_finite_limit(float t_max) { return t_max < HYI_T_LIMIT ? t_max : HYI_T_LIMIT; }
 
+HYI_INLINE void hyi_flight_clear(hyi_flight *flight, const hyk_ray *at, float t_min, float limit) {
+    flight->ray = at;
+    flight->t_min = t_min;
+    flight->best.t = limit;
+    flight->best.u = flight->best.v = 0.0f;
+    flight->best.instance = flight->best.primitive = HYK_NONE;
+    flight->aim.least_t = limit;
+    flight->aim.leaf = flight->aim.lane = 0;
+}
+
 /* Sets a ray on its way through one tree, looking no farther than its t_max and limit; false: it meets nothing there, as
    an unsound ray does. */
 HYI_INLINE bool hyi_flight_begin(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *at, float limit) {
     hyk_ray ray = hyi_load_ray(at);
     float origin[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
     float direction[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
-    flight->ray = at;
-    flight->t_min = ray.t_min;
-    flight->best.t = hyi_finite_limit(ray.t_max < limit ? ray.t_max : limit);
-    flight->best.u = flight->best.v = 0.0f;
-    flight->best.instance = flight->best.primitive = HYK_NONE;
-    flight->aim.least_t = flight->best.t;
-    flight->aim.leaf = flight->aim.lane = 0;
+    hyi_flight_clear(flight, at, ray.t_min, hyi_finite_limit(ray.t_max < limit ? ray.t_max : limit));
     if (bvh->primitive_count == 0 || !hyi_ray_is_sound(&ray) || !(ray.t_min <= flight->best.t)) return false;
     return hyi_aim_at(&flight->aim, bvh, origin, direction, ray.t_min, flight->best.t, bvh->rows == NULL);
 }
+
+/* One copy for all who rarely need it. */
+HYI_NOINLINE bool hyi_begin_any(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *at) { return hyi_flight_begin(flight, bvh, at, FLT_MAX); }
 
 /* Where all rays of the scene begin: the world alone, or one unmoved mesh, has no level above it. */
 HYI_INLINE hyi_site hyi_first_site(const hyi_accel *accel) {

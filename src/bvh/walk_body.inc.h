@@ -208,3 +208,10 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
         HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
     }
 }
+
+/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
+    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
+    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
+    return true;
+}
