@@ -492,11 +492,11 @@ HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *da
 
    Speed. One call with many rays beats many calls: from some fifty rays on they go through the tree together. Best is an
    order in which neighbours are alike (the pixels of a small block, then their shadow rays): those go as packets. Others
-   are sorted by direction within 65536, so give as many a call as there are. Use several threads by calling from several,
-   each with its share. `make bench-rays` measures all this.
+   go in lists of up to 4096, the longer the better where rays begin near each other. Use several threads by calling from
+   several, each with its share. `make bench-rays` measures all this.
 
-   Memory. A call with some fifty or more rays takes memory from the allocator and returns it: 0.2 MB and about a kilobyte a
-   ray, never more than 5 MB (6 MB in scenes with instances). Where the allocator or the cap refuses, the answers are the
+   Memory. A call with some fifty or more rays takes memory from the allocator and returns it: 0.2 MB and half a kilobyte a
+   ray, never more than 2 MB (3 MB in scenes with instances). Where the allocator or the cap refuses, the answers are the
    same, later.
    Arrays of rays and hits are the caller's; nothing is kept.
 
@@ -751,7 +751,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>bvh-build-spatial        spatial splits: parts of triangles on both sides of a plane
      >>bvh-build-part           a range of references becomes two: who goes where, and who owns which places
      >>bvh-build-cost           which subtrees of the binary tree become wide nodes and leaves
-     >>bvh-build-tree           the binary tree: large ranges cut by all threads together, small ones a thread each
+     >>bvh-build-tree           the binary tree: large ranges cut by all threads together, others a thread each
      >>bvh-build-reinsert       subtrees go where the tree gets cheapest by it
      >>bvh-build-collapse       from the binary tree to eight-wide nodes and rows of triangles
      >>bvh-build                from triangles or boxes to a tree
@@ -759,6 +759,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>bvh-save                 a tree as bytes, and bytes as a tree again, once everything in them has been checked
      >>bvh-triangle             a ray made ready for one tree, and the watertight triangle test
      >>bvh-walk                 what rays can meet, one ray on its way through a tree, and who decides on a triangle
+     >>bvh-answer               what rays are answered with: hits for the renderer, hits for the caller, or whether anything was met
      >>bvh-stream               many rays through a tree together
      >>bvh-scalar               traversal in plain C, for any machine: eight lanes are eight floats
      >>bvh-avx2                 traversal in the words of AVX2: eight rays a packet
@@ -5798,6 +5799,9 @@ HYI_INLINE hyi_bounds hyi_bounds_load(const float *lower, const float *upper) {
 /* Work is cut into pieces of this many primitives whatever the number of threads: same pieces, same tree. */
 #define HYI_BUILD_CHUNK 4096u
 
+/* A subtree over no more references is one thread's work: small trees are work for many. */
+#define HYI_BUILD_TASK 1024u
+
 /* References that spatial splits may add, in percent of the triangles: memory for them is known before the build. */
 #define HYI_BUILD_EXTRA_PERCENT 40u
 
@@ -7024,20 +7028,18 @@ HYI_INLINE void hyi_cost_of(const hyi_build *build, uint32_t at) {
     else hyi_cost_of_inner(build, node, &build->costs[at]);
 }
 
-/* Those above the tasks, which were collected from left to right. Goes no deeper than HYI_TREE_DEPTH. */
-HYI_FN void hyi_cost_above(const hyi_build *build, uint32_t at, uint32_t *next) {
-    if (*next < build->task_count && build->tasks[*next].node == at) {
-        ++*next;
-        return;
-    }
-    hyi_cost_above(build, build->nodes[at].first, next);
-    hyi_cost_above(build, build->nodes[at].first + 1u, next);
+/* Those above the tasks: what has more references than these. Goes no deeper than HYI_TREE_DEPTH. */
+HYI_FN void hyi_cost_above(const hyi_build *build, uint32_t at) {
+    const hyi_build_node *node = &build->nodes[at];
+    if ((node->count & ~HYI_BUILD_INNER) <= HYI_BUILD_TASK) return;
+    hyi_cost_above(build, node->first);
+    hyi_cost_above(build, node->first + 1u);
     hyi_cost_of(build, at);
 }
 
 #endif /* HYI_BVH_BUILD_COST_H */
 
-/* >>bvh-build-tree: the binary tree: large ranges cut by all threads together, small ones a thread each */
+/* >>bvh-build-tree: the binary tree: large ranges cut by all threads together, others a thread each */
 #ifndef HYI_BVH_BUILD_TREE_H
 #define HYI_BVH_BUILD_TREE_H
 
@@ -7069,7 +7071,12 @@ typedef struct hyi_small {
     hyi_spatial_bins spatial;
 } hyi_small;
 
-/* ---- small ranges, in one thread. They lie in refs; other is room to work in. */
+/* ---- ranges in one thread. They lie in refs; other is room to work in. */
+
+HYI_FN void hyi_bring_home(hyi_build *build, hyi_range *range) {
+    if (range->in_other) memcpy(build->refs + range->first, build->other + range->first, range->count * sizeof(hyi_ref));
+    range->in_other = false;
+}
 
 HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_range *range, const hyi_binning *binning) {
     const hyi_ref *refs = build->refs + range->first;
@@ -7151,8 +7158,7 @@ HYI_FN void hyi_build_subtree(void *argument, uint32_t index) {
     hyi_small work;
     uint32_t waiting = 1;
     list[0] = build->tasks[index];
-    if (list[0].in_other) memcpy(build->refs + list[0].first, build->other + list[0].first, list[0].count * sizeof(hyi_ref));
-    list[0].in_other = false;
+    hyi_bring_home(build, &list[0]);
     while (waiting > 0) {
         hyi_range range = list[--waiting], left, right;
         bool done = range.count == 0;
@@ -7317,8 +7323,15 @@ HYI_FN hyi_range hyi_root_range(const hyi_build *build) {
     return root;
 }
 
-/* Cuts large ranges until only small ones are left, which become tasks. */
-HYI_FN hydra_result hyi_collect_tasks(hyi_build *build) {
+HYI_FN hydra_result hyi_make_room_for_tasks(hyi_build *build, size_t more) {
+    size_t capacity = build->task_capacity;
+    HYI_TRY(hyi_grow_array(build->context, &build->tasks, &capacity, build->task_count + more));
+    build->task_capacity = (uint32_t)capacity;
+    return HYDRA_OK;
+}
+
+/* Cuts large ranges until none is left; the others become tasks. */
+HYI_FN hydra_result hyi_cut_large(hyi_build *build) {
     hyi_range list[HYI_TREE_DEPTH + 2u];
     uint32_t waiting = 1;
     list[0] = hyi_root_range(build);
@@ -7332,12 +7345,45 @@ HYI_FN hydra_result hyi_collect_tasks(hyi_build *build) {
             list[waiting++] = left;
             continue;
         }
-        size_t capacity = build->task_capacity;
-        HYI_TRY(hyi_grow_array(build->context, &build->tasks, &capacity, (size_t)build->task_count + 1u));
-        build->task_capacity = (uint32_t)capacity;
+        HYI_TRY(hyi_make_room_for_tasks(build, 1));
         build->tasks[build->task_count++] = range;
     }
     return HYDRA_OK;
+}
+
+/* Tasks that a round cuts: a left side comes where its range was, a right side as far behind as there are ranges. */
+typedef struct hyi_round {
+    hyi_build *build;
+    uint32_t first, count;
+} hyi_round;
+
+HYI_FN void hyi_cut_task(void *argument, uint32_t index) {
+    const hyi_round *round = (const hyi_round *)argument;
+    hyi_build *build = round->build;
+    hyi_small work;
+    hyi_range *left = &build->tasks[round->first + index], range = *left;
+    hyi_bring_home(build, &range);
+    hyi_set_build_node(build, &range);
+    (void)hyi_split_small(build, &work, &range, left, left + round->count); /* so many are always cut */
+}
+
+/* Tasks that are small enough come to stand before those of the next round. */
+HYI_FN hydra_result hyi_cut_tasks(hyi_build *build) {
+    hyi_round round;
+    round.build = build;
+    for (round.first = 0;;) {
+        for (uint32_t i = round.first; i < build->task_count; i++) {
+            hyi_range task = build->tasks[i];
+            if (task.count > HYI_BUILD_TASK) continue;
+            build->tasks[i] = build->tasks[round.first];
+            build->tasks[round.first++] = task;
+        }
+        round.count = build->task_count - round.first;
+        if (round.count == 0) return HYDRA_OK;
+        HYI_TRY(hyi_make_room_for_tasks(build, round.count));
+        hyi_parallel(build->context, round.count, hyi_cut_task, &round);
+        build->task_count += round.count;
+    }
 }
 
 /* The binary tree over all references; its root is the last node. */
@@ -7354,10 +7400,10 @@ HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
         build->chunk_split_count = hyi_chunks_of(build->capacity);
         HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_split_count));
     }
-    HYI_TRY(hyi_collect_tasks(build));
+    HYI_TRY(hyi_cut_large(build));
+    HYI_TRY(hyi_cut_tasks(build));
     hyi_parallel(build->context, build->task_count, hyi_build_subtree, build);
-    uint32_t next = 0;
-    hyi_cost_above(build, build->node_capacity - 1u, &next);
+    hyi_cost_above(build, build->node_capacity - 1u);
     return HYDRA_OK;
 }
 
@@ -8629,6 +8675,8 @@ HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions
 #define HYI_FAR_AWAY 4611686018427387904.0f /* 2^62: a farther origin is moved to here */
 #define HYI_SLAB_BOUND 9.5367431640625e-07f  /* 2^-20 */
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
+#define HYI_SHORTEST 9.31322574615478515625e-10f /* 2^-30 */
+#define HYI_LONGEST 1073741824.0f            /* 2^30: directions between these keep their length */
 #define HYI_STEADY 8.67361737988403547e-19f  /* 2^-60: the smallest direction component */
 
 /* Bounds of what float gets wrong: see hyi_judge_triangles. */
@@ -8679,7 +8727,7 @@ HYI_FN bool hyi_scale_ray(hyi_aim *aim, float scale, const float *origin, const 
     if (!(largest > 0.0f && largest <= FLT_MAX)) return false;
     double factor = (double)scale, size = (double)largest * factor;
     aim->unit = aim->inverse_unit = 1.0;
-    if (size < 9.31322574615478515625e-10 || size > 1073741824.0) {
+    if (size < (double)HYI_SHORTEST || size > (double)HYI_LONGEST) {
         int exponent;
         (void)frexp(size, &exponent);
         aim->unit = ldexp(1.0, -exponent);
@@ -8723,6 +8771,14 @@ HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, cons
     }
 }
 
+/* From the direction in the order of axis. */
+HYI_INLINE void hyi_aim_along(hyi_aim *aim) {
+    aim->t_by_z = 1.0 / (double)aim->direction[2];
+    aim->shear[0] = (float)((double)aim->direction[0] * aim->t_by_z);
+    aim->shear[1] = (float)((double)aim->direction[1] * aim->t_by_z);
+    aim->inverse_z = (float)aim->t_by_z;
+}
+
 HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     uint32_t z = fabsf(d[0]) >= fabsf(d[1]) ? 0u : 1u;
     z = fabsf(d[2]) > fabsf(d[z]) ? 2u : z;
@@ -8731,10 +8787,7 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     aim->axis[2] = z;
     for (int a = 0; a < 3; a++) aim->origin[a] = o[aim->axis[a]];
     for (int a = 0; a < 3; a++) aim->direction[a] = d[aim->axis[a]];
-    aim->t_by_z = 1.0 / (double)d[z];
-    aim->shear[0] = (float)((double)aim->direction[0] * aim->t_by_z);
-    aim->shear[1] = (float)((double)aim->direction[1] * aim->t_by_z);
-    aim->inverse_z = (float)aim->t_by_z;
+    hyi_aim_along(aim);
 }
 
 /* The farthest t worth visiting, rounded outwards. */
@@ -8857,6 +8910,7 @@ typedef struct hyi_accel {
     const hyk_scene_view *view;
     const hyi_bvh *meshes;         /* by mesh index */
     const uint8_t *mesh_has_alpha; /* by mesh index; NULL: none has */
+    const uint32_t *placed_ids, *light_ids; /* hydra_instance and hydra_light ids, by the view's numbers */
     const hyi_bvh *world;          /* one tree over the first world_count instances, which are unmoved; NULL: none */
     const uint32_t *world_first;   /* of each of them, its first triangle's number in that tree */
     uint32_t world_count;
@@ -8882,7 +8936,7 @@ typedef struct hyi_flight {
     hyi_aim aim;
     hyi_best best;
     float t_min;
-    uint32_t unused[2]; /* fills the third cache line */
+    uint32_t leaf, lane; /* of the best hit */
     const hyk_ray *ray;  /* in world space */
 } hyi_flight;
 
@@ -8975,6 +9029,8 @@ HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t le
     flight->best.v = weights[1];
     flight->best.instance = site->instance;
     flight->best.primitive = primitive;
+    flight->leaf = leaf;
+    flight->lane = lane;
     flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
     return true;
@@ -9009,11 +9065,21 @@ HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t le
 /* Makes every box and triangle lie beyond a ray that is done. */
 HYI_INLINE void hyi_flight_stop(hyi_flight *flight) { flight->aim.t_far = -FLT_MAX; }
 
-/* ---- beginning and answering */
+/* ---- beginning */
 
 /* Limits end short of HYI_NO_HIT. */
 #define HYI_T_LIMIT 3.0e38f
 HYI_INLINE float hyi_finite_limit(float t_max) { return t_max < HYI_T_LIMIT ? t_max : HYI_T_LIMIT; }
+
+HYI_INLINE void hyi_flight_clear(hyi_flight *flight, const hyk_ray *at, float t_min, float limit) {
+    flight->ray = at;
+    flight->t_min = t_min;
+    flight->best.t = limit;
+    flight->best.u = flight->best.v = 0.0f;
+    flight->best.instance = flight->best.primitive = HYK_NONE;
+    flight->aim.least_t = limit;
+    flight->aim.leaf = flight->aim.lane = 0;
+}
 
 /* Sets a ray on its way through one tree, looking no farther than its t_max and limit; false: it meets nothing there, as
    an unsound ray does. */
@@ -9021,16 +9087,13 @@ HYI_INLINE bool hyi_flight_begin(hyi_flight *flight, const hyi_bvh *bvh, const h
     hyk_ray ray = hyi_load_ray(at);
     float origin[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
     float direction[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
-    flight->ray = at;
-    flight->t_min = ray.t_min;
-    flight->best.t = hyi_finite_limit(ray.t_max < limit ? ray.t_max : limit);
-    flight->best.u = flight->best.v = 0.0f;
-    flight->best.instance = flight->best.primitive = HYK_NONE;
-    flight->aim.least_t = flight->best.t;
-    flight->aim.leaf = flight->aim.lane = 0;
+    hyi_flight_clear(flight, at, ray.t_min, hyi_finite_limit(ray.t_max < limit ? ray.t_max : limit));
     if (bvh->primitive_count == 0 || !hyi_ray_is_sound(&ray) || !(ray.t_min <= flight->best.t)) return false;
     return hyi_aim_at(&flight->aim, bvh, origin, direction, ray.t_min, flight->best.t, bvh->rows == NULL);
 }
+
+/* One copy for all who rarely need it. */
+HYI_NOINLINE bool hyi_begin_any(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *at) { return hyi_flight_begin(flight, bvh, at, FLT_MAX); }
 
 /* Where all rays of the scene begin: the world alone, or one unmoved mesh, has no level above it. */
 HYI_INLINE hyi_site hyi_first_site(const hyi_accel *accel) {
@@ -9041,16 +9104,6 @@ HYI_INLINE hyi_site hyi_first_site(const hyi_accel *accel) {
     site.instance = 0;
     site.asks_alpha = accel->single && (accel->world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh]);
     return site;
-}
-
-HYI_INLINE void hyi_answer(const hyi_accel *accel, const hyi_best *best, hyk_hit *hit) {
-    bool found = best->instance != HYK_NONE;
-    hit->t = found ? best->t : -1.0f;
-    hit->u = best->u;
-    hit->v = best->v;
-    hit->instance = best->instance;
-    hit->primitive = best->primitive;
-    hyi_locate_in_world(accel, &hit->instance, &hit->primitive);
 }
 
 /* ---- levels */
@@ -9090,6 +9143,8 @@ HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, c
     below->ray = above->ray;
     below->t_min = above->t_min;
     below->best = above->best;
+    below->leaf = above->leaf;
+    below->lane = above->lane;
     below->aim.least_t = above->best.t;
     below->aim.leaf = below->aim.lane = 0;
     return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, above->best.t, false);
@@ -9099,6 +9154,8 @@ HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, c
 HYI_INLINE bool hyi_flight_return(hyi_flight *above, const hyi_flight *below) {
     bool found = below->best.t != above->best.t || below->best.primitive != above->best.primitive || below->best.instance != above->best.instance;
     above->best = below->best;
+    above->leaf = below->leaf;
+    above->lane = below->lane;
     if (found) hyi_aim_limit(&above->aim, above->best.t);
     return found;
 }
@@ -9113,6 +9170,155 @@ typedef struct hyi_visit_of {
 
 #endif /* HYI_BVH_WALK_H */
 
+/* >>bvh-answer: what rays are answered with: hits for the renderer, hits for the caller, or whether anything was met */
+#ifndef HYI_BVH_ANSWER_H
+#define HYI_BVH_ANSWER_H
+
+/* Where the answers of rays go: one of the three, by the ray's number. */
+typedef struct hyi_answers {
+    hyk_hit *hits;
+    hydra_hit *told;
+    uint8_t *occluded;
+} hyi_answers;
+
+HYI_INLINE hyi_answers hyi_answers_from(const hyi_answers *answers, size_t first) {
+    hyi_answers from;
+    from.hits = answers->hits ? answers->hits + first : NULL;
+    from.told = answers->told ? answers->told + first : NULL;
+    from.occluded = answers->occluded ? answers->occluded + first : NULL;
+    return from;
+}
+
+/* ---- for the renderer */
+
+HYI_INLINE void hyi_answer(const hyi_accel *accel, const hyi_best *best, hyk_hit *hit) {
+    bool found = best->instance != HYK_NONE;
+    hit->t = found ? best->t : -1.0f;
+    hit->u = best->u;
+    hit->v = best->v;
+    hit->instance = best->instance;
+    hit->primitive = best->primitive;
+    hyi_locate_in_world(accel, &hit->instance, &hit->primitive);
+}
+
+HYI_INLINE void hyi_answer_miss(hyk_hit *hit) {
+    hit->t = -1.0f;
+    hit->u = hit->v = 0.0f;
+    hit->instance = hit->primitive = HYK_NONE;
+}
+
+/* ---- for the caller */
+
+/* Of a triangle whose corners' coordinates lie stride floats apart. Squares of products of floats stay in double's range, so
+   nothing has to be scaled. */
+HYI_INLINE hyk_vec3 hyi_unit_normal(const float *a, const float *b, const float *c, size_t stride) {
+    double e[3], f[3], n[3];
+    for (size_t i = 0; i < 3; i++) {
+        e[i] = (double)b[i * stride] - (double)a[i * stride];
+        f[i] = (double)c[i * stride] - (double)a[i * stride];
+    }
+    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+    double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(n[0], n[0], n[1], n[1], n[2], n[2])));
+    return hyk_make3((float)(n[0] * inverse), (float)(n[1] * inverse), (float)(n[2] * inverse));
+}
+
+/* Whose triangles a tree holds is known by the instance of a hit in it, before that is located in the world. */
+HYI_INLINE const hyi_bvh *hyi_tree_of(const hyi_accel *accel, uint32_t instance) {
+    return accel->world && instance == 0 ? accel->world : &accel->meshes[accel->view->instances[instance].mesh];
+}
+
+/* From the caller's corners. */
+HYI_FN hyk_vec3 hyi_normal_of_hit(const hyi_accel *accel, hyk_hit hit) {
+    const hyk_mesh_arrays *arrays = &accel->view->mesh_arrays[accel->view->instances[hit.instance].mesh];
+    const uint32_t *index = arrays->indices + 3u * (size_t)hit.primitive;
+    const float *at = arrays->positions;
+    return hyi_unit_normal(at + 3u * (size_t)index[0], at + 3u * (size_t)index[1], at + 3u * (size_t)index[2], 1u);
+}
+
+/* The tree's own copy of the corners has just been read, and holds the same floats unless it is scaled. */
+HYI_INLINE hyk_vec3 hyi_normal_of_lane(const hyi_accel *accel, const hyi_bvh *bvh, uint32_t leaf, uint32_t lane, hyk_hit hit) {
+    if (bvh->scale != 1.0f) return hyi_normal_of_hit(accel, hit);
+    const float *row = hyi_leaf_rows(bvh, leaf) + lane;
+    size_t count = hyi_leaf_count(leaf);
+    return hyi_unit_normal(row, row + 3u * count, row + 6u * count, count);
+}
+
+/* n: the normal in the mesh's own space. */
+HYI_INLINE void hyi_tell_surface(const hyi_accel *accel, hyk_hit hit, hyk_vec3 n, hydra_hit *out) {
+    const hyk_instance *placed = &accel->view->instances[hit.instance];
+    if (!(placed->flags & HYK_INSTANCE_IDENTITY)) n = hyk_normalize(hyk_transform_normal(*placed, n));
+    out->t = hit.t;
+    out->u = hit.u;
+    out->v = hit.v;
+    out->primitive = hit.primitive;
+    out->mesh = placed->mesh + 1;
+    out->instance = accel->placed_ids[hit.instance];
+    out->light = 0;
+    out->normal[0] = n.x;
+    out->normal[1] = n.y;
+    out->normal[2] = n.z;
+}
+
+/* A second answer of a ray that met the same triangle elsewhere. Word by word: a copy would wait for the first one's stores. */
+HYI_INLINE void hyi_tell_alike(const hydra_hit *other, hyk_hit hit, hydra_hit *out) {
+    out->t = hit.t;
+    out->u = hit.u;
+    out->v = hit.v;
+    out->primitive = other->primitive;
+    out->mesh = other->mesh;
+    out->instance = other->instance;
+    out->light = other->light;
+    for (int i = 0; i < 3; i++) out->normal[i] = other->normal[i];
+}
+
+HYI_INLINE void hyi_tell_miss(hydra_hit *out) {
+    out->t = -1.0f;
+    out->u = out->v = 0.0f;
+    out->primitive = HYDRA_NONE;
+    out->mesh = out->instance = out->light = 0;
+    out->normal[0] = out->normal[1] = out->normal[2] = 0.0f;
+}
+
+HYI_FN void hyi_tell_shape(const hyi_accel *accel, uint32_t light, float t, const hyk_ray *at, hydra_hit *out) {
+    hyk_ray ray = hyi_load_ray(at);
+    hyk_vec3 n = hyk_shape_normal(accel->view->lights[light], hyk_add_scaled(ray.origin, ray.direction, t));
+    hyi_tell_miss(out);
+    out->t = t;
+    out->light = accel->light_ids[light];
+    out->normal[0] = n.x;
+    out->normal[1] = n.y;
+    out->normal[2] = n.z;
+}
+
+HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight, hydra_hit *out) {
+    hyk_hit hit;
+    if (flight->best.instance == HYK_NONE) {
+        hyi_tell_miss(out);
+        return;
+    }
+    hyi_answer(accel, &flight->best, &hit);
+    hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->leaf, flight->lane, hit), out);
+}
+
+/* ---- for either */
+
+/* Hits of count rays from number k on will be written soon: they fill more cache lines than wait for memory at a time. */
+HYI_INLINE void hyi_prefetch_answers(const hyi_answers *answers, size_t k, size_t count) {
+    const char *at = answers->told ? (const char *)&answers->told[k] : (const char *)&answers->hits[k];
+    size_t bytes = count * (answers->told ? sizeof *answers->told : sizeof *answers->hits);
+    if (answers->occluded) return;
+    for (size_t i = 0; i < bytes; i += 64u) hyi_prefetch(at + i);
+}
+
+/* Answers ray number k. */
+HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const hyi_answers *answers, size_t k) {
+    if (answers->occluded) answers->occluded[k] = flight->best.instance != HYK_NONE;
+    else if (answers->hits) hyi_answer(accel, &flight->best, &answers->hits[k]);
+    else hyi_tell_flight(accel, flight, &answers->told[k]);
+}
+
+#endif /* HYI_BVH_ANSWER_H */
+
 /* >>bvh-stream: many rays through a tree together
 
    A list of rays goes down the tree: at a node each of them meets eight boxes, and its number is put on the list of
@@ -9125,12 +9331,13 @@ typedef struct hyi_visit_of {
    over the packet (Reshetov, Soupikov, Hurley 2005, "Multi-level ray tracing algorithm"), as dear as that of one ray,
    and at a leaf a triangle meets all rays of the packet at once.
 
-   Rays of a list have the same signs of direction and the same largest direction component. */
+   Packets of a list have the same signs of direction and the same largest direction component. Flights of a list may go
+   anywhere: rays that begin near each other meet the same nodes at first, whatever their directions. */
 #ifndef HYI_BVH_STREAM_H
 #define HYI_BVH_STREAM_H
 
-#define HYI_STREAM_RAYS 2048u    /* on their way at a time */
-#define HYI_STREAM_SORTED 65536u /* sorted by direction at a time */
+#define HYI_STREAM_RAYS 4096u    /* on their way at a time */
+#define HYI_STREAM_PACKETS 128u  /* of them at a time, at most */
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
 #define HYI_PACKET_WIDTH 16u     /* at most */
@@ -9142,6 +9349,12 @@ typedef struct hyi_visit_of {
 #define HYI_PACKET_SLOPES 0.6f
 #define HYI_PACKET_ORIGINS 0.02f
 
+/* A word a lane; vectors of floats move them. */
+typedef union hyi_lane_words {
+    uint32_t word[HYI_PACKET_WIDTH];
+    float bits[HYI_PACKET_WIDTH];
+} hyi_lane_words;
+
 /* As many rays as a vector has lanes: bounds of all for the node test, and for triangles what hyi_aim and hyi_best hold
    of one ray, in the units of the tree, with hyi_aim.unit 1. Lanes beyond the last ray repeat the first one with limits
    that nothing meets. */
@@ -9149,29 +9362,30 @@ typedef struct hyi_packet {
     float origin[3][HYI_PACKET_WIDTH], direction[3][HYI_PACKET_WIDTH], shear[2][HYI_PACKET_WIDTH]; /* in the order of axis */
     float inverse[3][HYI_PACKET_WIDTH]; /* likewise, of the direction kept from zero */
     float inverse_z[HYI_PACKET_WIDTH], t_near[HYI_PACKET_WIDTH], t_far[HYI_PACKET_WIDTH], t_min[HYI_PACKET_WIDTH];
-    float best_t[HYI_PACKET_WIDTH];
+    float best_t[HYI_PACKET_WIDTH], least_t[HYI_PACKET_WIDTH]; /* of the nearest hit that is worked out, and hyi_aim.least_t */
     double t_by_z[HYI_PACKET_WIDTH];
-    double weights[3][HYI_PACKET_WIDTH]; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
-    uint32_t instance[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t instance[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH]; /* of what is worked out */
+    hyi_lane_words leaf, triangle;       /* the nearest so far, worked out or not; leaf 0: nothing here */
+    uint32_t waiting;                    /* bits of the lanes where that is certain, but not worked out */
     uint32_t ray[HYI_PACKET_WIDTH];      /* its number among the rays, or flights, that the packet is made of */
     float near_origin[3], far_origin[3], inverse_low[3], inverse_high[3];
     float bound[3];                      /* of the error of each origin, by which slabs are thicker */
     float first_t, last_t;
     uint32_t spread;                     /* 1: they begin at different points, and bounds of all say little of each */
     uint32_t count, group;               /* rays; what their directions have in common: see hyi_aim_group */
+    float shear_low[2], shear_high[2];
+    uint32_t unused[6];                 /* fills the last cache line: vectors of rays lie in one each */
 } hyi_packet;
+HYI_STATIC_ASSERT(sizeof(hyi_packet) % 64u == 0);
 
 /* Memory for streams. */
 typedef struct hyi_ray_stream {
     uint32_t capacity;     /* rays on their way at a time; 0: none, rays go one by one */
-    uint32_t packet_share; /* packets that they make */
-    uint32_t levels;       /* 1, or 2 where there are instances: flights and packets in the first tree, then in theirs */
-    uint32_t sorted;       /* rays sorted at a time */
-    hyi_packet *packets;   /* levels times packet_share; the block begins here */
+    uint32_t packet_share; /* packets on their way at a time */
+    uint32_t levels;       /* 1, or 2 where there are instances: flights in the first tree, then in theirs */
+    hyi_packet *packets;   /* packet_share: on one level, for only trees of triangles have any; the block begins here */
     hyi_flight *flights;   /* levels times capacity */
     uint32_t *lists;       /* list_count */
-    uint32_t *order;       /* two times sorted */
-    uint8_t *keys;         /* sorted: of rays yet to be sorted by them */
     size_t list_count;
 } hyi_ray_stream;
 
@@ -9182,15 +9396,21 @@ typedef struct hyi_swarm {
     const hyk_ray *rays; /* of packets; NULL: these are made of flights */
     hyi_flight *flights;
     hyi_packet *packets;
-    uint32_t near_plane[3], axis[3]; /* of all rays on a list */
+    uint32_t near_plane[3], axis[3]; /* of all packets on a list */
     bool any;
 } hyi_swarm;
 
-/* The eight words of rays by their numbers: rows of one word of all. */
-HYI_INLINE void hyi_ray_words(const hyk_ray *rays, const uint32_t *numbers, float words[8][HYI_PACKET_WIDTH], uint32_t count) {
+/* What the first of a slice of rays have become: those that meet nothing are neither. */
+typedef struct hyi_begun {
+    uint32_t rays, packets, flights;
+    bool sound; /* all of them */
+} hyi_begun;
+
+/* The eight words of count rays: rows of one word of all. */
+HYI_INLINE void hyi_ray_words(const hyk_ray *rays, float words[8][HYI_PACKET_WIDTH], uint32_t count) {
     for (uint32_t i = 0; i < count; i++) {
         float ray[8];
-        memcpy(ray, &rays[numbers[i]], sizeof ray);
+        memcpy(ray, &rays[i], sizeof ray);
         for (uint32_t word = 0; word < 8u; word++) words[word][i] = ray[word];
     }
 }
@@ -9210,13 +9430,6 @@ typedef union hyi_masks8 {
 
 HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
     return (aim->near_plane[0] & 1u) | (aim->near_plane[1] & 1u) << 1 | (aim->near_plane[2] & 1u) << 2 | aim->axis[2] << 3;
-}
-
-/* The same of a ray that is not aimed yet, or nearly: ties between axes may fall otherwise. */
-HYI_INLINE uint8_t hyi_direction_key(hyk_vec3 d) {
-    float x = fabsf(d.x), y = fabsf(d.y), z = fabsf(d.z);
-    uint32_t axis = z > x && z > y ? 2u : x >= y ? 0u : 1u;
-    return (uint8_t)((d.x < 0.0f ? 1u : 0u) | (d.y < 0.0f ? 2u : 0u) | (d.z < 0.0f ? 4u : 0u) | axis << 3);
 }
 
 /* hyi_aim.axis of the rays of a group. */
@@ -9256,6 +9469,27 @@ HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
 HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
     const char *at = hyi_child_is_leaf(child) ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
     for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
+}
+
+/* ---- beginning */
+
+HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
+    hyk_ray ray = hyi_load_ray(at);
+    return hyi_ray_is_sound(&ray);
+}
+
+/* Begins the flights of some rays one by one; those that meet nothing are answered at once. */
+HYI_FN void hyi_begin_each(const hyi_site *site, const hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
+                           uint32_t first, uint32_t count, hyi_begun *begun) {
+    for (uint32_t i = first; i < first + count; i++) {
+        hyi_flight *flight = &stream->flights[begun->flights];
+        if (hyi_flight_begin(flight, site->bvh, &rays[i], FLT_MAX)) {
+            begun->flights++;
+        } else {
+            begun->sound = hyi_was_sound(&rays[i]) && begun->sound;
+            hyi_tell(site->accel, flight, answers, i);
+        }
+    }
 }
 
 #endif /* HYI_BVH_STREAM_H */
@@ -9333,16 +9567,21 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 #define HYI_MAD8(a, b, c) hyi_mad8_scalar(a, b, c)
 #define HYI_MIN8(a, b) hyi_min8_scalar(a, b)
 #define HYI_MAX8(a, b) hyi_max8_scalar(a, b)
+#define HYI_MAX8_AS_INTS(a, b) HYI_MAX8(a, b)
+#define HYI_MIN8_AS_INTS(a, b) HYI_MIN8(a, b)
 #define HYI_LT8(a, b) hyi_lt8_scalar(a, b)
 #define HYI_LE8(a, b) hyi_le8_scalar(a, b)
 #define HYI_AND8(a, b) ((a) & (b))
 #define HYI_OR8(a, b) ((a) | (b))
 #define HYI_BITS8(m) (m)
 #define HYI_PIN8(a) hyi_pin8_scalar(a)
+#define HYI_FLIGHT_BEGIN(flight, bvh, ray) hyi_begin_any(flight, bvh, ray)
 /* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
    HYI_PIN8 keeps values as rounded) */
 
-/* Eight boxes against one ray; the planes come in the order in which it meets them. */
+/* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
+   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
+   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
@@ -9351,8 +9590,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
-    *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
-    return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
+    return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
 
 /* Bits of the children that the ray meets, and where it enters them. */
@@ -9547,6 +9786,13 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
         HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
     }
 }
+
+/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
+    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
+    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
+    return true;
+}
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
 #undef HYI_ADD4
@@ -9560,10 +9806,12 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
+#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
 #undef HYI_CHOOSE4
+#undef HYI_CHOOSEW
 #undef HYI_CLEAR_MASKS
 #undef HYI_D2
 #undef HYI_DEAL
@@ -9575,6 +9823,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
+#undef HYI_FLIGHT_BEGIN
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
@@ -9608,12 +9857,16 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
 #undef HYI_MASKS
 #undef HYI_MAX2
 #undef HYI_MAX4
+#undef HYI_MAX4_AS_INTS
 #undef HYI_MAX8
+#undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
 #undef HYI_MIN2
 #undef HYI_MIN4
+#undef HYI_MIN4_AS_INTS
 #undef HYI_MIN8
+#undef HYI_MIN8_AS_INTS
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
@@ -9631,12 +9884,16 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
 #undef HYI_PIN8
 #undef HYI_PIND
 #undef HYI_PINW
+#undef HYI_SAME4
+#undef HYI_SAMEW
 #undef HYI_SET2
 #undef HYI_SET4
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_SIGNED4
+#undef HYI_SIZE4
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -9763,12 +10020,12 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
 }
 
 /* hyi_ray_words: two times, two rays to a register, and two transpositions of four by four in two steps. */
-HYI_INLINE HYI_AVX2 void hyi_ray_words_avx2(const hyk_ray *rays, const uint32_t *numbers, float words[8][HYI_PACKET_WIDTH]) {
+HYI_INLINE HYI_AVX2 void hyi_ray_words_avx2(const hyk_ray *rays, float words[8][HYI_PACKET_WIDTH]) {
     for (uint32_t half = 0; half < 2u; half++) {
         __m256 a[4];
         for (uint32_t k = 0; k < 4u; k++) {
-            a[k] = _mm256_castps128_ps256(_mm_loadu_ps((const float *)(const void *)&rays[numbers[k]] + 4u * half));
-            a[k] = _mm256_insertf128_ps(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 4u]] + 4u * half), 1);
+            a[k] = _mm256_castps128_ps256(_mm_loadu_ps((const float *)(const void *)&rays[k] + 4u * half));
+            a[k] = _mm256_insertf128_ps(a[k], _mm_loadu_ps((const float *)(const void *)&rays[k + 4u] + 4u * half), 1);
         }
         __m256 low01 = _mm256_unpacklo_ps(a[0], a[1]), high01 = _mm256_unpackhi_ps(a[0], a[1]);
         __m256 low23 = _mm256_unpacklo_ps(a[2], a[3]), high23 = _mm256_unpackhi_ps(a[2], a[3]);
@@ -9820,6 +10077,8 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
 #define HYI_MIN8(a, b) _mm256_min_ps(a, b)
 #define HYI_MAX8(a, b) _mm256_max_ps(a, b)
+#define HYI_MAX8_AS_INTS(a, b) _mm256_castsi256_ps(_mm256_max_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
+#define HYI_MIN8_AS_INTS(a, b) _mm256_castsi256_ps(_mm256_min_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
 #define HYI_LT8(a, b) _mm256_cmp_ps(a, b, _CMP_LT_OQ)
 #define HYI_LE8(a, b) _mm256_cmp_ps(a, b, _CMP_LE_OQ)
 #define HYI_AND8(a, b) _mm256_and_ps(a, b)
@@ -9827,7 +10086,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_BITS8(m) ((uint32_t)_mm256_movemask_ps(m))
 #define HYI_MIN8_WHERE(a, m, b) _mm256_blendv_ps(a, _mm256_min_ps(a, b), m)
 #define HYI_PIN8(a) hyi_pin8_avx2(a)
-#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words_avx2(rays, numbers, words)
+#define HYI_RAY_WORDS(rays, words) hyi_ray_words_avx2(rays, words)
 #define HYI_LINES(rows, lines) hyi_lines_avx2(rows, lines)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
@@ -9843,6 +10102,8 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_LTW(a, b) _mm256_cmp_ps(a, b, _CMP_LT_OQ)
 #define HYI_ANDW(a, b) _mm256_and_ps(a, b)
 #define HYI_ORW(a, b) _mm256_or_ps(a, b)
+#define HYI_CHOOSEW(m, a, b) _mm256_blendv_ps(b, a, m)
+#define HYI_SAMEW(a, b) _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
 #define HYI_BITSW(m) ((uint32_t)_mm256_movemask_ps(m))
 #define HYI_PINW(a) hyi_pin8_avx2(a)
 #define HYI_GREATESTW(a) hyi_greatest_avx2(a)
@@ -9869,10 +10130,90 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_MAXD(a, b) _mm256_max_pd(a, b)
 #define HYI_LTD(a, b) ((uint32_t)_mm256_movemask_pd(_mm256_cmp_pd(a, b, _CMP_LT_OQ)))
 #define HYI_PIND(a) hyi_pin_double_avx2(a)
+#define HYI_F4 __m128
+#define HYI_LOAD4(p) _mm_loadu_ps(p)
+#define HYI_STORE4(p, a) _mm_storeu_ps(p, a)
+#define HYI_SET4(value) _mm_set1_ps(value)
+#define HYI_ADD4(a, b) _mm_add_ps(a, b)
+#define HYI_SUB4(a, b) _mm_sub_ps(a, b)
+#define HYI_MUL4(a, b) _mm_mul_ps(a, b)
+#define HYI_DIV4(a, b) _mm_div_ps(a, b)
+#define HYI_MAX4(a, b) _mm_max_ps(a, b)
+#define HYI_LE4(a, b) _mm_cmple_ps(a, b)
+#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
+#define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
+#define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+/* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
+   words: HYI_F4 is four floats) */
+
+/* hyi_aim_slabs for a tree of triangles. The fourth of what is loaded and stored belongs to what comes after it in bvh and in
+   aim: it is not used there, and overwritten here. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z) {
+    const float *lower = bvh->scaled.lower, *upper = lower + 3;
+    float reaches[4];
+    HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
+    HYI_STORE4(reaches, reach);
+    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
+    HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
+    bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
+    HYI_STORE4(aim->inverse, inverse);
+    HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
+    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
+}
+
+/* The largest component of a direction, without a branch, which would be guessed wrong half of the time. bits: of floats. */
+HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
+    uint32_t x = bits[0] & 0x7fffffffu, y = bits[1] & 0x7fffffffu, z = bits[2] & 0x7fffffffu;
+    uint32_t z_wins = (uint32_t)(z > x) & (uint32_t)(z > y);
+    return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
+}
+
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
+    float origin[4], direction[4];
+    HYI_STORE4(origin, o);
+    HYI_STORE4(direction, d);
+    HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
+    aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
+    aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
+    aim->axis[0] = 0x09u >> 2u * z & 3u; /* 1, 2, 0 */
+    aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
+    aim->axis[2] = z;
+    for (uint32_t a = 0; a < 3; a++) {
+        aim->near_plane[a] = 2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u);
+        aim->origin[a] = origin[aim->axis[a]];
+        aim->direction[a] = direction[aim->axis[a]];
+    }
+    hyi_aim_along(aim);
+    aim->unit = aim->inverse_unit = 1.0;
+}
+
+/* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
+   or in a tree of boxes. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
+    uint32_t bits[8];
+    float t_min, t_max, direction[4];
+    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
+    memcpy(&t_min, &bits[3], sizeof t_min);
+    memcpy(&t_max, &bits[7], sizeof t_max);
+    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
+    uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
+    HYI_STORE4(direction, d);
+    float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
+    if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
+    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(1099511627776.0f))) != 15u || !bvh->rows) return false;
+    hyi_flight_clear(flight, ray, t_min, limit);
+    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
+    return true;
+}
+
+#define HYI_FLIGHT_BEGIN(flight, bvh, ray) (HYI_I(hyi_begin_most)(flight, bvh, ray) || hyi_begin_any(flight, bvh, ray))
 /* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
    HYI_PIN8 keeps values as rounded) */
 
-/* Eight boxes against one ray; the planes come in the order in which it meets them. */
+/* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
+   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
+   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
@@ -9881,8 +10222,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
-    *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
-    return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
+    return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
 
 /* Bits of the children that the ray meets, and where it enters them. */
@@ -10077,12 +10418,26 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
         HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
     }
 }
+
+/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
+    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
+    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
+    return true;
+}
 /* ---- packets of alike rays (expanded once for each instruction set) */
 
-/* The planes of a node in the order in which the rays of a swarm meet them. */
+/* The planes of a node in the order in which rays meet them. */
 typedef struct HYI_I(hyi_planes) {
     HYI_F8 near_planes[3], far_planes[3];
 } HYI_I(hyi_planes);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_order_planes)(const hyi_node *node, const uint32_t near_plane[3], HYI_I(hyi_planes) *planes) {
+    for (int a = 0; a < 3; a++) {
+        planes->near_planes[a] = HYI_LOAD8(node->planes[near_plane[a]]);
+        planes->far_planes[a] = HYI_LOAD8(node->planes[near_plane[a] ^ 1u]);
+    }
+}
 
 /* Eight boxes against the bounds of a packet: no ray of it enters earlier than enter, or leaves later. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, const HYI_I(hyi_planes) *planes, HYI_F8 *enter) {
@@ -10128,67 +10483,85 @@ typedef struct HYI_I(hyi_corner_all) {
     HYI_FW x, y, z;
 } HYI_I(hyi_corner_all);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_lanes)(const hyi_packet *p, HYI_FW x, HYI_FW y, HYI_FW z) {
     HYI_I(hyi_corner_all) c;
-    c.z = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[2] * stride]), HYI_LOADW(p->origin[2])));
-    HYI_FW dx = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[0] * stride]), HYI_LOADW(p->origin[0])));
-    HYI_FW dy = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[1] * stride]), HYI_LOADW(p->origin[1])));
+    c.z = HYI_PINW(HYI_SUBW(z, HYI_LOADW(p->origin[2])));
+    HYI_FW dx = HYI_PINW(HYI_SUBW(x, HYI_LOADW(p->origin[0])));
+    HYI_FW dy = HYI_PINW(HYI_SUBW(y, HYI_LOADW(p->origin[1])));
     c.x = HYI_PINW(HYI_SUBW(dx, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[0]), c.z))));
     c.y = HYI_PINW(HYI_SUBW(dy, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[1]), c.z))));
     return c;
+}
+
+/* A corner that is the same for all. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+    return HYI_I(hyi_shear_lanes)(p, HYI_SETW(row[axis[0] * stride]), HYI_SETW(row[axis[1] * stride]), HYI_SETW(row[axis[2] * stride]));
 }
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I(hyi_corner_all) q) {
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
-/* Which rays certainly miss one triangle: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_miss_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
-    HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
-    HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
-    HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
-    HYI_MW above = HYI_LTW(HYI_ZEROW(), HYI_MAXW(HYI_MAXW(a, b), c));
-    HYI_FW scale = HYI_LOADW(packet->inverse_z);
-    HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
-    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
-    HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
-    return HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early));
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                     HYI_I(hyi_corner_all) corners[3]) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf) + triangle;
+    uint32_t count = hyi_leaf_count(leaf);
+    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * count, count);
+}
+
+/* One triangle to all rays: the edge functions w, t at the corners, and which rays may hit it. */
+typedef struct HYI_I(hyi_meeting) {
+    HYI_I(hyi_corner_all) corners[3];
+    HYI_FW w[3], least_w, most_w, t[3], first, last;
+    uint32_t possible;
+} HYI_I(hyi_meeting);
+
+/* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    HYI_I(hyi_corner_all) *k = m->corners;
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, k);
+    m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
+    m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
+    m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
+    m->least_w = HYI_MINW(HYI_MINW(m->w[0], m->w[1]), m->w[2]);
+    m->most_w = HYI_MAXW(HYI_MAXW(m->w[0], m->w[1]), m->w[2]);
+    HYI_MW outside = HYI_ANDW(HYI_LTW(m->least_w, HYI_ZEROW()), HYI_LTW(HYI_ZEROW(), m->most_w));
+    for (int i = 0; i < 3; i++) m->t[i] = HYI_MULW(k[i].z, HYI_LOADW(packet->inverse_z));
+    m->first = HYI_MINW(HYI_MINW(m->t[0], m->t[1]), m->t[2]);
+    m->last = HYI_MAXW(HYI_MAXW(m->t[0], m->t[1]), m->t[2]);
+    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), m->first), early = HYI_LTW(m->last, HYI_LOADW(packet->t_near));
+    m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
 }
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
 
-/* Of one triangle that rays may hit but those in out, where any hit does: stops the rays that certainly hit it; left: the
-   others, without those that turn out to miss it. hyi_judge_triangles, for all rays. Returns whether it stopped any. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
-    HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
-    HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), size = HYI_I(hyi_size_all)(sum), across = zero, along = zero;
-    HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
-    HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
+/* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
+typedef struct HYI_I(hyi_verdict_all) {
+    HYI_FW least, most;
+    HYI_MW certain;
+    uint32_t missed;
+} HYI_I(hyi_verdict_all);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const HYI_I(hyi_meeting) *m, HYI_I(hyi_verdict_all) *verdict) {
+    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero, along = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_I(hyi_size_all)(sum);
     for (int i = 0; i < 3; i++) {
-        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(k[i].x), HYI_I(hyi_size_all)(k[i].y)));
-        along = HYI_MAXW(along, HYI_I(hyi_size_all)(k[i].z));
+        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(m->corners[i].x), HYI_I(hyi_size_all)(m->corners[i].y)));
+        along = HYI_MAXW(along, HYI_I(hyi_size_all)(m->corners[i].z));
     }
     HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
-    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(a, ta), HYI_MULW(b, tb)), HYI_MULW(c, tc)), inverse);
-    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(first), HYI_I(hyi_size_all)(last));
-    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
-    HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
-    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
+    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(m->w[0], m->t[0]), HYI_MULW(m->w[1], m->t[1])), HYI_MULW(m->w[2], m->t[2])), inverse);
+    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(m->first), HYI_I(hyi_size_all)(m->last));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    verdict->least = HYI_SUBW(mean, error);
+    verdict->most = HYI_ADDW(mean, error);
+    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, m->least_w), HYI_LTW(m->most_w, zero));
     HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
     HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
     known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
-    HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
     HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
-    HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
-    uint32_t stopped = HYI_BITSW(hit) & ~HYI_BITSW(out);
-    *left = HYI_ALLW & ~(stopped | HYI_BITSW(HYI_ORW(out, missed)));
-    if (stopped == 0) return false;
-    for (uint32_t some = stopped; some; some &= some - 1u) {
-        packet->t_far[hyi_lowest_bit(some)] = -FLT_MAX;
-        packet->instance[hyi_lowest_bit(some)] = swarm->site.instance;
-    }
-    return true;
+    verdict->missed = HYI_BITSW(HYI_ANDW(known, HYI_ORW(HYI_LTW(verdict->most, t_near), HYI_LTW(HYI_LOADW(packet->t_far), verdict->least))));
+    verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
 
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
@@ -10196,19 +10569,29 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, H
     return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
 }
 
-HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], const HYI_FD v[3]) {
-    HYI_FD first = HYI_PIND(HYI_MULD(HYI_SETD(n[0]), v[0])), second = HYI_PIND(HYI_MULD(HYI_SETD(n[1]), v[1]));
-    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(HYI_SETD(n[2]), v[2]))));
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const HYI_FD n[3], const HYI_FD v[3]) {
+    HYI_FD first = HYI_PIND(HYI_MULD(n[0], v[0])), second = HYI_PIND(HYI_MULD(n[1], v[1]));
+    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(n[2], v[2]))));
 }
 
-/* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
-                                                       const double n[3], const double z[3], int half, double t[8], double weights[3][8]) {
-    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
+/* The plane of a triangle, or of one a lane, as hyi_plane_distance works it out: a corner, the normal, and z of the others. */
+typedef struct HYI_I(hyi_plane_half) {
+    HYI_FD corner[3], n[3], z[2];
+} HYI_I(hyi_plane_half);
+
+/* What hyi_confirm works out, for half of a packet. */
+typedef struct HYI_I(hyi_outcome_half) {
+    HYI_FD t, b, c, sum; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
+    uint32_t hit;        /* bits of the rays that hit */
+} HYI_I(hyi_outcome_half);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
+                                                   const HYI_I(hyi_plane_half) *plane, int half, HYI_I(hyi_outcome_half) *outcome) {
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_HALFD(HYI_LOADW(packet->origin[2]), half);
     for (int i = 0; i < 3; i++) {
         x[i] = HYI_HALFD(corners[i].x, half);
         y[i] = HYI_HALFD(corners[i].y, half);
-        to_corner[i] = HYI_PIND(HYI_SUBD(HYI_SETD(corner[i]), HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
+        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
         direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
     }
     HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
@@ -10216,37 +10599,46 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     HYI_FD c = HYI_I(hyi_cross_exact_half)(x[1], y[1], x[0], y[0]);
     uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
     HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
-    HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
-    HYI_FD plane = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD across = HYI_I(hyi_sum_products_half)(plane->n, direction);
+    HYI_FD distance = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(plane->n, to_corner), across));
     HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
     HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
-    for (int i = 1; i < 3; i++) {
-        HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
-        HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
+    for (int i = 0; i < 2; i++) {
+        HYI_FD at = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i], origin_z)), t_by_z));
         least = HYI_MIND(at, least);
         most = HYI_MAXD(at, most);
     }
-    HYI_STORED(t, HYI_MIND(most, HYI_MAXD(least, plane))); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
-    HYI_STORED(weights[0], b);
-    HYI_STORED(weights[1], c);
-    HYI_STORED(weights[2], sum);
-    return ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+    outcome->t = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
+    outcome->b = b;
+    outcome->c = c;
+    outcome->sum = sum;
+    outcome->hit = ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
 }
 
-/* The plane of a triangle as hyi_plane_distance works it out: a corner and the normal. */
-HYI_INLINE void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, double corner[3], double n[3]) {
+/* u and v of a hit, by half. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_weights)(const HYI_I(hyi_outcome_half) *outcome, int half, float *u, float *v) {
+    HYI_FD inverse = HYI_PIND(HYI_DIVD(HYI_SETD(1.0), outcome->sum));
+    HYI_STOREH(u, half, HYI_MULD(outcome->b, inverse));
+    HYI_STOREH(v, half, HYI_MULD(outcome->c, inverse));
+}
+
+/* One triangle's plane for all rays. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, HYI_I(hyi_plane_half) *plane) {
     double e[3], f[3];
     for (int i = 0; i < 3; i++) {
         const float *row = rows + axis[i] * stride;
-        corner[i] = (double)row[0];
-        e[i] = hyi_rounded_double((double)row[3u * stride] - corner[i]);
-        f[i] = hyi_rounded_double((double)row[6u * stride] - corner[i]);
+        double corner = (double)row[0];
+        plane->corner[i] = HYI_SETD(corner);
+        e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
+        f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
     }
-    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+    for (int i = 0; i < 3; i++) plane->n[i] = HYI_SETD(hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]));
+    for (uint32_t k = 0; k < 2; k++) plane->z[k] = HYI_SETD((double)rows[(3u * k + 3u + axis[2]) * stride]);
 }
 
 /* Takes a confirmed hit of one ray if it is the best. */
-HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t primitive, float t, const double weights[3]) {
+HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t leaf, uint32_t triangle, float t, float u, float v) {
+    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
     hyi_best best;
     best.t = packet->best_t[lane];
     best.instance = packet->instance[lane];
@@ -10254,68 +10646,239 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
     if (!(t >= packet->t_min[lane]) || !hyi_beats(&best, t, swarm->site.instance, primitive)) return false;
     if (swarm->site.asks_alpha) {
         const hyk_ray *ray = swarm->rays ? &swarm->rays[packet->ray[lane]] : swarm->flights[packet->ray[lane]].ray;
-        double inverse = hyi_rounded_double(1.0 / weights[2]);
-        if (hyi_lets_pass(&swarm->site, ray, primitive, (float)(weights[0] * inverse), (float)(weights[1] * inverse))) return false;
+        if (hyi_lets_pass(&swarm->site, ray, primitive, u, v)) return false;
     }
-    packet->best_t[lane] = t;
+    packet->best_t[lane] = packet->least_t[lane] = t;
     packet->instance[lane] = swarm->site.instance;
     packet->primitive[lane] = primitive;
-    for (int i = 0; i < 3; i++) packet->weights[i][lane] = weights[i];
+    packet->leaf.word[lane] = leaf;
+    packet->triangle.word[lane] = triangle;
     packet->t_far[lane] = swarm->any ? -FLT_MAX : t + 4.0f * HYI_ULP * fabsf(t);
     return true;
 }
 
-/* Decides on triangle number t of a leaf for the rays in mask. Returns whether one of them was hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                   const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
-    double corner[3], n[3], z[3];
-    for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
-    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
+/* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
+    HYI_I(hyi_corner_all) corners[3];
+    HYI_I(hyi_plane_half) plane;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
-    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, corners);
+    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_outcome_half) outcome;
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
-        double t[8], weights[3][8];
-        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, z, half, t, weights);
-        for (; some; some &= some - 1u) {
-            uint32_t lane = hyi_lowest_bit(some);
-            const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
-            if ((float)t[lane] <= packet->best_t[base + lane] && HYI_I(hyi_take_hit)(swarm, packet, base + lane, primitive, (float)t[lane], w)) found = true;
+        if (!some) continue;
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(t, half, outcome.t);
+        if (swarm->site.asks_alpha) HYI_I(hyi_store_weights)(&outcome, half, u, v);
+        for (some &= outcome.hit; some; some &= some - 1u) {
+            uint32_t lane = base + hyi_lowest_bit(some);
+            if (t[lane] <= packet->best_t[lane] && HYI_I(hyi_take_hit)(swarm, packet, lane, leaf, triangle, t[lane], u[lane], v[lane])) found = true;
         }
     }
     return found;
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                     HYI_I(hyi_corner_all) corners[3]) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
-    uint32_t triangles = hyi_leaf_count(leaf);
-    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + triangle, triangles);
+/* ---- hits that float is certain of */
+
+/* Where any hit does: the rays in mask are done. */
+HYI_INLINE void HYI_I(hyi_stop_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
+    for (; mask; mask &= mask - 1u) {
+        packet->t_far[hyi_lowest_bit(mask)] = -FLT_MAX;
+        packet->instance[hyi_lowest_bit(mask)] = swarm->site.instance;
+    }
 }
 
-/* Offers triangle number t of a leaf to all rays but those in out, which miss it. Returns whether one of them hits it. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                   const HYI_I(hyi_corner_all) corners[3], HYI_MW out) {
-    uint32_t left = ~HYI_BITSW(out) & HYI_ALLW;
-    bool found = left && swarm->any && !swarm->site.asks_alpha && HYI_I(hyi_stop_certain)(swarm, packet, corners, out, &left);
-    if (left && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, corners, left)) found = true;
-    return found;
+/* Of the rays in mask, those that have not found the same triangle in another leaf: spatial splits put it into several. */
+HYI_FN uint32_t HYI_I(hyi_new_to_rays)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
+    const uint32_t *ids = swarm->site.bvh->ids;
+    uint32_t primitive = ids[hyi_leaf_first(leaf) + triangle], left = mask;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask), other = packet->leaf.word[lane];
+        if (other && ids[hyi_leaf_first(other) + packet->triangle.word[lane]] == primitive) left &= ~(1u << lane);
+    }
+    return left;
+}
+
+/* Works out the hits that the rays in mask have put off. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
+    for (mask &= packet->waiting; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        packet->waiting &= ~(1u << lane);
+        (void)HYI_I(hyi_decide_for_all)(swarm, packet, packet->leaf.word[lane], packet->triangle.word[lane], 1u << lane);
+    }
+}
+
+/* Puts a word where the mask says. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW where, uint32_t word) {
+    hyi_lane_words all;
+    all.word[0] = word;
+    HYI_STOREW(words->bits, HYI_CHOOSEW(where, HYI_SETW(all.bits[0]), HYI_LOADW(words->bits)));
+}
+
+/* hyi_expect, for all rays; returns those of mask, which holds all that are certain, for which the triangle is not certainly
+   nearer than all before. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
+    HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
+    HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
+    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_I(hyi_size_all)(most)));
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
+    HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
+    HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
+    HYI_I(hyi_put_word)(&packet->triangle, nearer, triangle);
+    packet->waiting |= HYI_BITSW(nearer);
+    return mask & ~HYI_BITSW(nearer);
+}
+
+/* Offers a triangle to the rays that may hit it. Returns whether one of them does. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_meeting) *m, bool any) {
+    uint32_t left = m->possible;
+    if (!swarm->site.asks_alpha) {
+        HYI_I(hyi_verdict_all) verdict;
+        HYI_I(hyi_judge_all)(packet, m, &verdict);
+        left &= ~verdict.missed;
+        if (!left) return false;
+        uint32_t open = left;
+        if (any) {
+            open &= ~HYI_BITSW(HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(packet->best_t))));
+            HYI_I(hyi_stop_rays)(swarm, packet, left & ~open);
+        } else {
+            open = HYI_I(hyi_expect_all)(packet, leaf, triangle, &verdict, left);
+        }
+        if (!open) return true;
+        open = HYI_I(hyi_new_to_rays)(swarm, packet, leaf, triangle, open);
+        HYI_I(hyi_settle_rays)(swarm, packet, open);
+        return (open && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, open)) || open != left;
+    }
+    return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
+}
+
+/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit: those whose corners do not lie all
+   on one side of all rays along an axis of the sheared frames. Rounding is monotone, so what is greater for all rays before
+   it is not less after. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t count = hyi_leaf_count(leaf);
+    HYI_F8 low[2], high[2], zero = HYI_ZERO8();
+    for (uint32_t k = 0; k < 3u; k++) {
+        HYI_F8 z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[2]) * count), HYI_SET8(p->origin[2][0])));
+        for (uint32_t a = 0; a < 2u; a++) {
+            HYI_F8 d = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[a]) * count), HYI_SET8(p->origin[a][0])));
+            HYI_F8 one = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_low[a]), z)), other = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_high[a]), z));
+            HYI_F8 least = HYI_SUB8(d, HYI_MAX8(one, other)), most = HYI_SUB8(d, HYI_MIN8(one, other));
+            low[a] = k ? HYI_MIN8(low[a], least) : least;
+            high[a] = k ? HYI_MAX8(high[a], most) : most;
+        }
+    }
+    HYI_M8 beside = HYI_OR8(HYI_OR8(HYI_LT8(zero, low[0]), HYI_LT8(high[0], zero)), HYI_OR8(HYI_LT8(zero, low[1]), HYI_LT8(high[1], zero)));
+    return ~HYI_BITS8(beside) & ((1u << count) - 1u);
 }
 
 /* node, c: where the leaf hangs; NULL: nowhere. */
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
-                                                    const hyi_node *node, uint32_t c) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
+                                                   const hyi_node *node, uint32_t c, bool any) {
     uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
         bool found = false;
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
-        for (uint32_t t = 0; t < triangles; t++) {
-            HYI_I(hyi_corner_all) corners[3];
-            HYI_I(hyi_shear_triangle)(swarm, packet, leaf, t, corners);
-            if (HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, HYI_I(hyi_miss_triangle_all)(packet, corners))) found = true;
+        uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
+        for (; some; some &= some - 1u) {
+            uint32_t t = hyi_lowest_bit(some);
+            HYI_I(hyi_meeting) m;
+            HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
+            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_any)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, true);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_closest)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, false);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
+    else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
+}
+
+/* ---- working out what was found */
+
+/* The triangles that a packet found, and who found each. */
+typedef struct HYI_I(hyi_finds) {
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t count;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
+} HYI_I(hyi_finds);
+
+/* Rays of a packet find few triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
+    finds->count = 0;
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = packet->leaf.word[lane];
+        finds->triangle[k] = packet->triangle.word[lane];
+        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
+        left &= ~finds->lanes[k];
+    }
+}
+
+/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                   const uint32_t axis[3], HYI_FW rows[9]) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (uint32_t f = 0; f < finds->count; f++) {
+        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
+        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+    }
+}
+
+/* The planes of as many triangles as there are lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+    HYI_FD e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        plane->corner[i] = HYI_HALFD(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
+    }
+    plane->z[0] = HYI_HALFD(rows[5], half);
+    plane->z[1] = HYI_HALFD(rows[8], half);
+}
+
+/* Works out all hits of a packet. */
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    uint32_t axis[3];
+    hyi_group_axes(packet->group, axis);
+    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    if (finds->count == 0) return;
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(rows, half, &plane);
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(finds->t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
     }
 }
 
@@ -10328,7 +10891,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
-        if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
+        packet->shear_low[a] = HYI_LEASTW(shear);
+        packet->shear_high[a] = HYI_GREATESTW(shear);
+        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
         low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
@@ -10351,157 +10916,61 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
         packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
     }
+    HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
+    packet->waiting = 0;
     packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
 }
 
-/* Whether |v| <= limit in all lanes; what is not a number is not. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_all_within)(const float *v, float limit) {
-    HYI_FW size = HYI_MAXW(HYI_LOADW(v), HYI_SUBW(HYI_ZEROW(), HYI_LOADW(v)));
-    return HYI_BITSW(HYI_LEW(size, HYI_SETW(limit))) == HYI_ALLW;
+HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
+    for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
 }
 
-/* What directions have in common: see hyi_aim_group; false: they differ in that, or in size by far. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(float d[3][HYI_PACKET_WIDTH], uint32_t *group) {
-    HYI_FW zero = HYI_ZEROW(), size[3];
-    *group = 0;
-    for (uint32_t a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(d[a]);
-        uint32_t falls = HYI_BITSW(HYI_LTW(v, zero));
-        if ((falls != 0u && falls != HYI_ALLW) || !HYI_I(hyi_all_within)(d[a], 1073741824.0f)) return false;
-        *group |= (falls ? 1u : 0u) << a;
-        size[a] = HYI_MAXW(v, HYI_SUBW(zero, v));
-    }
-    uint32_t y = HYI_BITSW(HYI_LTW(size[0], size[1])), z = HYI_BITSW(HYI_LTW(HYI_MAXW(size[0], size[1]), size[2]));
-    if ((z != 0u && z != HYI_ALLW) || (z == 0u && y != 0u && y != HYI_ALLW)) return false;
-    HYI_FW largest = HYI_MAXW(HYI_MAXW(size[0], size[1]), size[2]);
-    *group |= (z ? 2u : y ? 1u : 0u) << 3;
-    return HYI_LEASTW(largest) >= 9.31322574615478515625e-10f;
-}
-
-/* hyi_aim_shear for all lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
-    for (int half = 0; half < 2; half++) {
-        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
-        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
-        HYI_STOREH(packet->inverse_z, half, t_by_z);
-        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
+HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
+    uint32_t left = HYI_ALLW;
+    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
+    for (; left; left &= left - 1u) {
+        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
+        if (answers->told) hyi_tell_miss(&answers->told[ray]);
+        else hyi_answer_miss(&answers->hits[ray]);
     }
 }
 
-/* What packets and flights have in common of HYI_LANES rays, by their numbers; false: they are of several groups, unsound,
-   or of uncommon size. o, inverse: by axis of space. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
-                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    float d[3][HYI_PACKET_WIDTH], words[8][HYI_PACKET_WIDTH];
-    uint32_t axis[3];
-    HYI_RAY_WORDS(rays, numbers, words);
-    HYI_FW scale = HYI_SETW(bvh->scale);
-    for (uint32_t a = 0; a < 3; a++) {
-        HYI_STOREW(o[a], HYI_MULW(HYI_LOADW(words[a]), scale));
-        HYI_STOREW(d[a], HYI_MULW(HYI_LOADW(words[4u + a]), scale));
-    }
-    HYI_STOREW(packet->t_min, HYI_LOADW(words[3]));
-    HYI_STOREW(packet->best_t, HYI_LOADW(words[7]));
-    if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
-    HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
-    bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
-    if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
-    hyi_group_axes(packet->group, axis);
-    for (int a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(d[a]);
-        if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
-        v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
-        HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
-        HYI_STOREW(packet->origin[a], HYI_LOADW(o[axis[a]]));
-        HYI_STOREW(packet->direction[a], HYI_LOADW(d[axis[a]]));
-    }
-    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
-    HYI_STOREW(packet->best_t, limit);
-    HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
-    HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
-    HYI_I(hyi_shear_packet)(packet);
-    return true;
-}
-
-/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        packet->ray[i] = first + i;
-        packet->instance[i] = packet->primitive[i] = HYK_NONE;
-    }
-    packet->count = HYI_LANES;
-    return HYI_I(hyi_load_rays)(swarm->site.bvh, swarm->rays, packet->ray, packet, o, inverse) &&
-           HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
-}
-
-/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t group, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH],
-                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
-    HYI_FW reach[3], zero = HYI_ZEROW();
-    for (int a = 0; a < 3; a++) {
-        HYI_FW below = HYI_SUBW(HYI_LOADW(o[a]), HYI_SETW(box->lower[a])), above = HYI_SUBW(HYI_SETW(box->upper[a]), HYI_LOADW(o[a]));
-        reach[a] = HYI_MAXW(HYI_MAXW(below, HYI_SUBW(zero, below)), HYI_MAXW(above, HYI_SUBW(zero, above)));
-    }
-    for (int a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(o[a]), size = HYI_MAXW(v, HYI_SUBW(zero, v)), back = HYI_SUBW(zero, HYI_LOADW(inverse[a]));
-        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], reach[group >> 3])), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
-        bound = (group >> a & 1u) ? HYI_SUBW(zero, bound) : bound;
-        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
-        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+    const hyi_accel *accel = swarm->site.accel;
+    hyk_hit hit;
+    hydra_hit told;
+    hit.t = hit.u = hit.v = 0.0f;
+    hit.instance = swarm->site.instance;
+    hit.primitive = finds->primitive[f];
+    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
+    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
+    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
+        hit.t = finds->t[lane];
+        hit.u = finds->u[lane];
+        hit.v = finds->v[lane];
+        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
+        else answers->hits[ray] = hit;
     }
 }
 
-/* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
-    uint32_t plane[3][HYI_PACKET_WIDTH], axes[3][HYI_PACKET_WIDTH], none[HYI_PACKET_WIDTH] = {0}, axis[3];
-    hyi_packet p;
-    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &p, o, inverse)) return false;
-    HYI_I(hyi_offset_lanes)(&bvh->scaled, p.group, o, inverse, near_offset, far_offset);
-    hyi_group_axes(p.group, axis);
-    for (uint32_t a = 0; a < 3; a++) {
-        for (uint32_t i = 0; i < HYI_LANES; i++) {
-            plane[a][i] = 2u * a + (p.group >> a & 1u);
-            axes[a][i] = axis[a];
-        }
-    }
-    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
-                             p.t_near, p.t_far, plane[0], plane[1], plane[2], p.inverse_z, p.best_t};
-    const void *triangles[16] = {p.origin[0], p.origin[1], p.origin[2], p.shear[0], p.shear[1], axes[0], axes[1], axes[2],
-                                 p.direction[0], p.direction[1], p.direction[2], none, none, none, none, none};
-    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
-    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyi_flight *flight = &flights[i];
-        flight->aim.t_by_z = p.t_by_z[i];
-        flight->aim.unit = flight->aim.inverse_unit = 1.0;
-        flight->best.t = p.best_t[i];
-        flight->best.u = flight->best.v = 0.0f;
-        flight->best.instance = flight->best.primitive = HYK_NONE;
-        flight->t_min = p.t_min[i];
-        flight->ray = &rays[numbers[i]];
-    }
-    return true;
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
+    hyi_answers to = *answers;
+    HYI_I(hyi_finds) finds;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
+    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
-    for (uint32_t i = 0; i < packet->count; i++) {
-        bool found = packet->instance[i] != HYK_NONE;
-        if (occluded) {
-            occluded[packet->ray[i]] = found ? 1 : 0;
-            continue;
-        }
-        hyk_hit *hit = &hits[packet->ray[i]];
-        double inverse = found ? hyi_rounded_double(1.0 / packet->weights[2][i]) : 0.0;
-        hit->t = found ? packet->best_t[i] : -1.0f;
-        hit->u = found ? (float)(packet->weights[0][i] * inverse) : 0.0f;
-        hit->v = found ? (float)(packet->weights[1][i] * inverse) : 0.0f;
-        hit->instance = packet->instance[i];
-        hit->primitive = packet->primitive[i];
-        hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+/* Answers the rays of count packets. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
+        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
+        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
     }
 }
 
@@ -10524,10 +10993,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->t_min[i] = flight->t_min;
         packet->t_near[i] = aim->t_near;
         packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
-        packet->best_t[i] = flight->best.t;
+        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
         packet->instance[i] = flight->best.instance;
         packet->primitive[i] = flight->best.primitive;
-        packet->weights[2][i] = 0.0;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
         packet->ray[i] = rays[i < count ? i : 0u];
     }
     packet->count = count;
@@ -10535,17 +11004,209 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
 
-/* Sum 0 stands for a hit that is not the packet's own. */
-HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
-    for (uint32_t i = 0; i < packet->count; i++) {
-        hyi_best *best = &swarm->flights[packet->ray[i]].best;
-        best->instance = packet->instance[i];
-        if (packet->weights[2][i] == 0.0) continue;
-        double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
-        best->t = packet->best_t[i];
-        best->u = (float)(packet->weights[0][i] * inverse);
-        best->v = (float)(packet->weights[1][i] * inverse);
-        best->primitive = packet->primitive[i];
+/* Hits that are not the packet's own are the flights' already. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    HYI_I(hyi_finds) finds;
+    for (uint32_t i = 0; i < packet->count; i++) swarm->flights[packet->ray[i]].best.instance = packet->instance[i];
+    if (swarm->any) return;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) {
+        for (uint32_t left = finds.lanes[f] & ((1u << packet->count) - 1u); left; left &= left - 1u) {
+            uint32_t lane = hyi_lowest_bit(left);
+            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
+            flight->best.t = finds.t[lane];
+            flight->best.u = finds.u[lane];
+            flight->best.v = finds.v[lane];
+            flight->best.instance = swarm->site.instance;
+            flight->best.primitive = finds.primitive[f];
+            flight->leaf = finds.leaf[f];
+            flight->lane = finds.triangle[f];
+        }
+    }
+}
+/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
+
+typedef struct HYI_I(hyi_block) {
+    HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
+    HYI_FW t_min, t_limit;
+    HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
+} HYI_I(hyi_block);
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
+
+/* Bits of lanes that are within -limit and limit; what is not a number is not. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
+    return HYI_BITSW(HYI_LEW(HYI_I(hyi_size_all)(v), HYI_SETW(limit)));
+}
+
+/* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_ray *rays, HYI_I(hyi_block) *block) {
+    float words[8][HYI_PACKET_WIDTH];
+    HYI_RAY_WORDS(rays, words);
+    HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
+    block->t_min = HYI_LOADW(words[3]);
+    block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, FLT_MAX) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    for (uint32_t a = 0; a < 3; a++) {
+        block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
+        block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
+        block->size[a] = HYI_I(hyi_size_all)(block->direction[a]);
+        block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
+        fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
+    }
+    HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
+    block->y = HYI_LTW(block->size[0], block->size[1]);
+    block->z = HYI_LTW(of_two, block->size[2]);
+    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
+}
+
+/* Whether the directions have in common what hyi_aim_group says. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(const HYI_I(hyi_block) *block, uint32_t *group) {
+    uint32_t y = HYI_BITSW(block->y), z = HYI_BITSW(block->z);
+    *group = (z ? 2u : y ? 1u : 0u) << 3;
+    for (uint32_t a = 0; a < 3; a++) {
+        uint32_t falls = HYI_BITSW(block->falls[a]);
+        if (falls != 0u && falls != HYI_ALLW) return false;
+        *group |= (falls ? 1u : 0u) << a;
+    }
+    return z == HYI_ALLW || (z == 0u && (y == 0u || y == HYI_ALLW));
+}
+
+/* Of values by axis of space, that of axis k in the sheared frame of each ray: see hyi_aim_shear. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_turn)(const HYI_I(hyi_block) *block, const HYI_FW v[3], uint32_t k) {
+    return HYI_CHOOSEW(block->z, v[k], HYI_CHOOSEW(block->y, v[(k + 2u) % 3u], v[(k + 1u) % 3u]));
+}
+
+/* hyi_aim_shear for all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
+    for (int half = 0; half < 2; half++) {
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_STOREH(packet->inverse_z, half, t_by_z);
+        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
+    }
+}
+
+/* What packets and flights have in common. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_FW sign = HYI_CHOOSEW(block->falls[a], HYI_SETW(-1.0f), HYI_SETW(1.0f));
+        HYI_STOREW(o[a], block->origin[a]);
+        HYI_STOREW(inverse[a], HYI_DIVW(sign, HYI_MAXW(block->size[a], HYI_SETW(HYI_STEADY))));
+        HYI_STOREW(packet->origin[a], HYI_I(hyi_turn)(block, block->origin, a));
+        HYI_STOREW(packet->direction[a], HYI_I(hyi_turn)(block, block->direction, a));
+    }
+    HYI_STOREW(packet->t_min, block->t_min);
+    HYI_STOREW(packet->best_t, block->t_limit);
+    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_I(hyi_size_all)(block->t_min), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_I(hyi_size_all)(block->t_limit), slack)));
+    HYI_I(hyi_shear_packet)(packet);
+}
+
+/* Makes a packet of rays first, first + 1, ... of what was filled in; false: they are too different. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packet, uint32_t first,
+                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    if (!HYI_I(hyi_find_group)(block, &packet->group) || !HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
+    packet->count = HYI_LANES;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
+    }
+    return true;
+}
+
+/* ---- flights */
+
+/* hyi_reach for all lanes. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW origin, int axis, bool loose) {
+    HYI_FW lower = HYI_SETW(box->lower[axis]), upper = HYI_SETW(box->upper[axis]);
+    HYI_FW below = HYI_I(hyi_size_all)(HYI_SUBW(lower, origin)), above = HYI_I(hyi_size_all)(HYI_SUBW(upper, origin));
+    if (!loose) return HYI_MAXW(below, above);
+    HYI_FW larger = HYI_MAXW(HYI_I(hyi_size_all)(lower), HYI_I(hyi_size_all)(upper));
+    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_I(hyi_size_all)(origin)));
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+    HYI_FW reach[3];
+    for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
+    HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = block->origin[a], size = HYI_I(hyi_size_all)(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
+        bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
+        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
+        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+    }
+}
+
+/* A whole number in all lanes: these are only moved, and chosen from. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
+    float bits;
+    memcpy(&bits, &value, sizeof bits);
+    return HYI_SETW(bits);
+}
+
+/* hyi_aim.near_plane and .axis of all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, float plane[3][HYI_PACKET_WIDTH], float axis[3][HYI_PACKET_WIDTH]) {
+    const HYI_FW axes[3] = {HYI_I(hyi_whole)(0), HYI_I(hyi_whole)(1), HYI_I(hyi_whole)(2)};
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(2u * a + 1u), HYI_I(hyi_whole)(2u * a)));
+        HYI_STOREW(axis[a], HYI_I(hyi_turn)(block, axes, a));
+    }
+}
+
+/* Flights of rays first, first + 1, ... of what was filled into a packet. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
+                                                  const hyk_ray *rays, hyi_flight *flights) {
+    float near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
+    float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
+    static const uint32_t none[HYI_PACKET_WIDTH] = {0};
+    hyi_flight blank;
+    memset(&blank, 0, sizeof blank);
+    blank.aim.unit = blank.aim.inverse_unit = 1.0;
+    blank.best.instance = blank.best.primitive = HYK_NONE;
+    for (uint32_t i = 0; i < HYI_LANES; i++) flights[i] = blank;
+    HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
+    HYI_I(hyi_name_axes)(block, plane, axis);
+    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
+                             p->t_near, p->t_far, plane[0], plane[1], plane[2], p->inverse_z, p->best_t};
+    const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
+                                 p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &flights[i];
+        flight->aim.t_by_z = p->t_by_z[i];
+        flight->best.t = p->best_t[i];
+        flight->t_min = p->t_min[i];
+        flight->ray = &rays[i];
+    }
+}
+
+/* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
+   are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
+HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
+                                             uint32_t count, hyi_begun *begun) {
+    for (uint32_t first; (first = begun->rays) < count && begun->packets < stream->packet_share; begun->rays += HYI_LANES) {
+        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        hyi_packet *packet = &stream->packets[begun->packets];
+        HYI_I(hyi_block) block;
+        if (some < HYI_LANES || !HYI_I(hyi_load_block)(site->bvh, rays + first, &block)) {
+            hyi_begin_each(site, stream, rays, answers, first, some, begun);
+            continue;
+        }
+        HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
+        if (site->bvh->rows && HYI_I(hyi_pack_rays)(site->bvh, &block, packet, first, o, inverse)) {
+            begun->packets++;
+            continue;
+        }
+        HYI_I(hyi_cut_flights)(site->bvh, &block, packet, inverse, rays + first, stream->flights + begun->flights);
+        begun->flights += HYI_LANES;
     }
 }
 /* ---- many rays (expanded once for each instruction set)
@@ -10558,12 +11219,13 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, const hyi_node *node, uint32_t c, uint32_t *list, uint32_t count) {
-    float x = node->planes[swarm->near_plane[0]][c], y = node->planes[swarm->near_plane[1]][c], z = node->planes[swarm->near_plane[2]][c];
     uint32_t kept = 0;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t ray = list[i];
         const hyi_aim *aim = &swarm->flights[ray].aim;
-        float tx = x * aim->inverse[0] + aim->near_offset[0], ty = y * aim->inverse[1] + aim->near_offset[1], tz = z * aim->inverse[2] + aim->near_offset[2];
+        float tx = node->planes[aim->near_plane[0]][c] * aim->inverse[0] + aim->near_offset[0];
+        float ty = node->planes[aim->near_plane[1]][c] * aim->inverse[1] + aim->near_offset[1];
+        float tz = node->planes[aim->near_plane[2]][c] * aim->inverse[2] + aim->near_offset[2];
         float enter = tx > ty ? tx : ty;
         enter = tz > enter ? tz : enter;
         list[kept] = ray;
@@ -10572,15 +11234,20 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     return kept;
 }
 
+/* Which children a flight, or a packet, meets, and where it enters them. planes: what all packets of a list meet. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, const hyi_node *node, uint32_t item, HYI_I(hyi_planes) *planes, HYI_F8 *enter, bool packets) {
+    if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
+    const hyi_aim *aim = &swarm->flights[item].aim;
+    HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
+    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter);
+}
+
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                            uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    for (int a = 0; a < 3; a++) {
-        planes.near_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a]]);
-        planes.far_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a] ^ 1u]);
-    }
+    if (packets) HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += HYI_DEAL) {
         uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
         HYI_MASKS masks;
@@ -10588,8 +11255,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_nod
         for (uint32_t i = 0; i < some; i++) {
             HYI_F8 enter;
             uint32_t item = list[first + i];
-            HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
-                                  : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
+            HYI_M8 mask = HYI_I(hyi_meet_children)(swarm, node, item, &planes, &enter, packets);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
             if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
@@ -10729,64 +11395,71 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
         if (some > HYI_LANES / 2u && HYI_I(hyi_pack_flights)(swarm, &swarm->packets[made], rays + first, some)) made++;
         else
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
+        if (made < swarm->stream->packet_share && first + some < count) continue;
+        for (uint32_t i = 0; i < made; i++) space[i] = i;
+        if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+        for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
+        made = 0;
     }
-    for (uint32_t i = 0; i < made; i++) space[i] = i;
-    if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
-    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
     return others;
+}
+
+/* The same of all count flights, by groups; the others are listed in others. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32_t count, uint32_t *others, uint32_t *space) {
+    uint32_t first[HYI_RAY_GROUPS + 1], rest = 0;
+    uint8_t *keys = (uint8_t *)(void *)space;
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm->flights[i].aim);
+    hyi_group(keys, count, others, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        if (first[g + 1] == first[g]) continue;
+        hyi_set_group(swarm, g);
+        uint32_t left = HYI_I(hyi_run_alike)(swarm, others + first[g], first[g + 1] - first[g], space);
+        memmove(others + rest, others + first[g], left * sizeof *others);
+        rest += left;
+    }
+    return rest;
 }
 
 /* Sends the first count flights (deep: of those in instances) through the tree of site. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
     hyi_swarm swarm;
-    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
-    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
     swarm.stream = stream;
     swarm.rays = NULL;
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
-    swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
+    swarm.packets = stream->packets;
     swarm.any = any;
     if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
-    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm.flights[i].aim);
-    hyi_group(keys, count, order, first);
-    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
-        uint32_t *rays = order + first[g], some = first[g + 1] - first[g];
-        hyi_set_group(&swarm, g);
-        if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
-        if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
-    }
+    if (deep) rest = HYI_I(hyi_run_alike_all)(&swarm, count, space, space + room);
+    else
+        for (uint32_t i = 0; i < count; i++) space[i] = i;
+    if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
     for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
 }
 
-/* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
-                                                     uint8_t *occluded, uint32_t count, uint32_t *others, uint8_t *keys) {
+/* Answers count rays, at most capacity. Returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_begun begun = {0, 0, 0, true};
     hyi_swarm swarm;
-    uint32_t made = 0, rest = 0;
     swarm.site = *site;
     swarm.stream = stream;
     swarm.rays = rays;
     swarm.flights = NULL;
     swarm.packets = stream->packets;
-    swarm.any = occluded != NULL;
-    for (uint32_t first = 0; first < count; first += HYI_LANES) {
-        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
-            made++;
-            continue;
-        }
-        for (uint32_t i = first; i < first + some; i++) {
-            others[rest] = i;
-            keys[rest++] = hyi_direction_key(hyi_load_ray(&rays[i]).direction);
-        }
+    swarm.any = answers->occluded != NULL;
+    while (begun.rays < count) {
+        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, &begun);
+        if (begun.packets) HYI_I(hyi_run_packets)(&swarm, begun.packets, stream->lists);
+        HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
+        begun.packets = 0;
     }
-    if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
-    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
-    return rest;
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, false, swarm.any);
+    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
+    return begun.sound;
 }
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
@@ -10801,10 +11474,12 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
+#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
 #undef HYI_CHOOSE4
+#undef HYI_CHOOSEW
 #undef HYI_CLEAR_MASKS
 #undef HYI_D2
 #undef HYI_DEAL
@@ -10816,6 +11491,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
+#undef HYI_FLIGHT_BEGIN
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
@@ -10849,12 +11525,16 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_MASKS
 #undef HYI_MAX2
 #undef HYI_MAX4
+#undef HYI_MAX4_AS_INTS
 #undef HYI_MAX8
+#undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
 #undef HYI_MIN2
 #undef HYI_MIN4
+#undef HYI_MIN4_AS_INTS
 #undef HYI_MIN8
+#undef HYI_MIN8_AS_INTS
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
@@ -10872,12 +11552,16 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_PIN8
 #undef HYI_PIND
 #undef HYI_PINW
+#undef HYI_SAME4
+#undef HYI_SAMEW
 #undef HYI_SET2
 #undef HYI_SET4
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_SIGNED4
+#undef HYI_SIZE4
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -10947,22 +11631,25 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
     }
 }
 
-/* hyi_ray_words: two times, four rays to a register, and four transpositions of four by four in two steps. */
-HYI_INLINE HYI_AVX512 void hyi_ray_words_avx512(const hyk_ray *rays, const uint32_t *numbers, float words[8][HYI_PACKET_WIDTH]) {
-    for (uint32_t half = 0; half < 2u; half++) {
+/* hyi_ray_words: two rays to a register, in such pairs that the last of three steps brings them into their order. */
+HYI_INLINE HYI_AVX512 void hyi_ray_words_avx512(const hyk_ray *rays, float words[8][HYI_PACKET_WIDTH]) {
+    __m512d halves[2][4];
+    for (uint32_t side = 0; side < 2u; side++) {
         __m512 a[4];
         for (uint32_t k = 0; k < 4u; k++) {
-            a[k] = _mm512_castps128_ps512(_mm_loadu_ps((const float *)(const void *)&rays[numbers[k]] + 4u * half));
-            a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 4u]] + 4u * half), 1);
-            a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 8u]] + 4u * half), 2);
-            a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 12u]] + 4u * half), 3);
+            const float *low = (const float *)(const void *)&rays[8u * side + k], *high = (const float *)(const void *)&rays[8u * side + 4u + k];
+            a[k] = _mm512_insertf32x8(_mm512_castps256_ps512(_mm256_loadu_ps(low)), _mm256_loadu_ps(high), 1);
         }
         __m512d low01 = _mm512_castps_pd(_mm512_unpacklo_ps(a[0], a[1])), high01 = _mm512_castps_pd(_mm512_unpackhi_ps(a[0], a[1]));
         __m512d low23 = _mm512_castps_pd(_mm512_unpacklo_ps(a[2], a[3])), high23 = _mm512_castps_pd(_mm512_unpackhi_ps(a[2], a[3]));
-        _mm512_storeu_ps(words[4u * half], _mm512_castpd_ps(_mm512_unpacklo_pd(low01, low23)));
-        _mm512_storeu_ps(words[4u * half + 1u], _mm512_castpd_ps(_mm512_unpackhi_pd(low01, low23)));
-        _mm512_storeu_ps(words[4u * half + 2u], _mm512_castpd_ps(_mm512_unpacklo_pd(high01, high23)));
-        _mm512_storeu_ps(words[4u * half + 3u], _mm512_castpd_ps(_mm512_unpackhi_pd(high01, high23)));
+        halves[side][0] = _mm512_unpacklo_pd(low01, low23);
+        halves[side][1] = _mm512_unpackhi_pd(low01, low23);
+        halves[side][2] = _mm512_unpacklo_pd(high01, high23);
+        halves[side][3] = _mm512_unpackhi_pd(high01, high23);
+    }
+    for (uint32_t k = 0; k < 4u; k++) {
+        _mm512_storeu_ps(words[k], _mm512_castpd_ps(_mm512_shuffle_f64x2(halves[0][k], halves[1][k], 0x88)));
+        _mm512_storeu_ps(words[4u + k], _mm512_castpd_ps(_mm512_shuffle_f64x2(halves[0][k], halves[1][k], 0xdd)));
     }
 }
 
@@ -10995,7 +11682,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 }
 
 #define HYI_TARGET HYI_AVX512
-#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words_avx512(rays, numbers, words)
+#define HYI_RAY_WORDS(rays, words) hyi_ray_words_avx512(rays, words)
 #define HYI_LINES(rows, lines) hyi_lines_avx512(rows, lines)
 #define HYI_I(name) name##_avx512
 #define HYI_F8 __m256
@@ -11013,6 +11700,8 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
 #define HYI_MIN8(a, b) _mm256_min_ps(a, b)
 #define HYI_MAX8(a, b) _mm256_max_ps(a, b)
+#define HYI_MAX8_AS_INTS(a, b) _mm256_castsi256_ps(_mm256_max_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
+#define HYI_MIN8_AS_INTS(a, b) _mm256_castsi256_ps(_mm256_min_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
 #define HYI_LT8(a, b) _mm256_cmp_ps_mask(a, b, _CMP_LT_OQ)
 #define HYI_LE8(a, b) _mm256_cmp_ps_mask(a, b, _CMP_LE_OQ)
 #define HYI_AND8(a, b) ((__mmask8)((a) & (b)))
@@ -11034,6 +11723,8 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_LTW(a, b) _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ)
 #define HYI_ANDW(a, b) ((__mmask16)((a) & (b)))
 #define HYI_ORW(a, b) ((__mmask16)((a) | (b)))
+#define HYI_CHOOSEW(m, a, b) _mm512_mask_blend_ps(m, b, a)
+#define HYI_SAMEW(a, b) _mm512_cmpeq_epi32_mask(_mm512_castps_si512(a), _mm512_castps_si512(b))
 #define HYI_BITSW(m) ((uint32_t)(m))
 #define HYI_PINW(a) hyi_pin16_avx512(a)
 #define HYI_GREATESTW(a) _mm512_reduce_max_ps(a)
@@ -11060,10 +11751,90 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_MAXD(a, b) _mm512_max_pd(a, b)
 #define HYI_LTD(a, b) ((uint32_t)_mm512_cmp_pd_mask(a, b, _CMP_LT_OQ))
 #define HYI_PIND(a) hyi_pin_double_avx512(a)
+#define HYI_F4 __m128
+#define HYI_LOAD4(p) _mm_loadu_ps(p)
+#define HYI_STORE4(p, a) _mm_storeu_ps(p, a)
+#define HYI_SET4(value) _mm_set1_ps(value)
+#define HYI_ADD4(a, b) _mm_add_ps(a, b)
+#define HYI_SUB4(a, b) _mm_sub_ps(a, b)
+#define HYI_MUL4(a, b) _mm_mul_ps(a, b)
+#define HYI_DIV4(a, b) _mm_div_ps(a, b)
+#define HYI_MAX4(a, b) _mm_max_ps(a, b)
+#define HYI_LE4(a, b) _mm_cmple_ps(a, b)
+#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
+#define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
+#define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+/* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
+   words: HYI_F4 is four floats) */
+
+/* hyi_aim_slabs for a tree of triangles. The fourth of what is loaded and stored belongs to what comes after it in bvh and in
+   aim: it is not used there, and overwritten here. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z) {
+    const float *lower = bvh->scaled.lower, *upper = lower + 3;
+    float reaches[4];
+    HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
+    HYI_STORE4(reaches, reach);
+    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
+    HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
+    bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
+    HYI_STORE4(aim->inverse, inverse);
+    HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
+    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
+}
+
+/* The largest component of a direction, without a branch, which would be guessed wrong half of the time. bits: of floats. */
+HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
+    uint32_t x = bits[0] & 0x7fffffffu, y = bits[1] & 0x7fffffffu, z = bits[2] & 0x7fffffffu;
+    uint32_t z_wins = (uint32_t)(z > x) & (uint32_t)(z > y);
+    return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
+}
+
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
+    float origin[4], direction[4];
+    HYI_STORE4(origin, o);
+    HYI_STORE4(direction, d);
+    HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
+    aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
+    aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
+    aim->axis[0] = 0x09u >> 2u * z & 3u; /* 1, 2, 0 */
+    aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
+    aim->axis[2] = z;
+    for (uint32_t a = 0; a < 3; a++) {
+        aim->near_plane[a] = 2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u);
+        aim->origin[a] = origin[aim->axis[a]];
+        aim->direction[a] = direction[aim->axis[a]];
+    }
+    hyi_aim_along(aim);
+    aim->unit = aim->inverse_unit = 1.0;
+}
+
+/* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
+   or in a tree of boxes. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
+    uint32_t bits[8];
+    float t_min, t_max, direction[4];
+    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
+    memcpy(&t_min, &bits[3], sizeof t_min);
+    memcpy(&t_max, &bits[7], sizeof t_max);
+    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
+    uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
+    HYI_STORE4(direction, d);
+    float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
+    if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
+    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(1099511627776.0f))) != 15u || !bvh->rows) return false;
+    hyi_flight_clear(flight, ray, t_min, limit);
+    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
+    return true;
+}
+
+#define HYI_FLIGHT_BEGIN(flight, bvh, ray) (HYI_I(hyi_begin_most)(flight, bvh, ray) || hyi_begin_any(flight, bvh, ray))
 /* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
    HYI_PIN8 keeps values as rounded) */
 
-/* Eight boxes against one ray; the planes come in the order in which it meets them. */
+/* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
+   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
+   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
@@ -11072,8 +11843,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
-    *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
-    return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
+    return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
 
 /* Bits of the children that the ray meets, and where it enters them. */
@@ -11268,12 +12039,26 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
         HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
     }
 }
+
+/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
+    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
+    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
+    return true;
+}
 /* ---- packets of alike rays (expanded once for each instruction set) */
 
-/* The planes of a node in the order in which the rays of a swarm meet them. */
+/* The planes of a node in the order in which rays meet them. */
 typedef struct HYI_I(hyi_planes) {
     HYI_F8 near_planes[3], far_planes[3];
 } HYI_I(hyi_planes);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_order_planes)(const hyi_node *node, const uint32_t near_plane[3], HYI_I(hyi_planes) *planes) {
+    for (int a = 0; a < 3; a++) {
+        planes->near_planes[a] = HYI_LOAD8(node->planes[near_plane[a]]);
+        planes->far_planes[a] = HYI_LOAD8(node->planes[near_plane[a] ^ 1u]);
+    }
+}
 
 /* Eight boxes against the bounds of a packet: no ray of it enters earlier than enter, or leaves later. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, const HYI_I(hyi_planes) *planes, HYI_F8 *enter) {
@@ -11319,67 +12104,85 @@ typedef struct HYI_I(hyi_corner_all) {
     HYI_FW x, y, z;
 } HYI_I(hyi_corner_all);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_lanes)(const hyi_packet *p, HYI_FW x, HYI_FW y, HYI_FW z) {
     HYI_I(hyi_corner_all) c;
-    c.z = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[2] * stride]), HYI_LOADW(p->origin[2])));
-    HYI_FW dx = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[0] * stride]), HYI_LOADW(p->origin[0])));
-    HYI_FW dy = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[1] * stride]), HYI_LOADW(p->origin[1])));
+    c.z = HYI_PINW(HYI_SUBW(z, HYI_LOADW(p->origin[2])));
+    HYI_FW dx = HYI_PINW(HYI_SUBW(x, HYI_LOADW(p->origin[0])));
+    HYI_FW dy = HYI_PINW(HYI_SUBW(y, HYI_LOADW(p->origin[1])));
     c.x = HYI_PINW(HYI_SUBW(dx, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[0]), c.z))));
     c.y = HYI_PINW(HYI_SUBW(dy, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[1]), c.z))));
     return c;
+}
+
+/* A corner that is the same for all. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+    return HYI_I(hyi_shear_lanes)(p, HYI_SETW(row[axis[0] * stride]), HYI_SETW(row[axis[1] * stride]), HYI_SETW(row[axis[2] * stride]));
 }
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I(hyi_corner_all) q) {
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
-/* Which rays certainly miss one triangle: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_miss_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
-    HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
-    HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
-    HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
-    HYI_MW above = HYI_LTW(HYI_ZEROW(), HYI_MAXW(HYI_MAXW(a, b), c));
-    HYI_FW scale = HYI_LOADW(packet->inverse_z);
-    HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
-    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
-    HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
-    return HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early));
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                     HYI_I(hyi_corner_all) corners[3]) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf) + triangle;
+    uint32_t count = hyi_leaf_count(leaf);
+    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * count, count);
+}
+
+/* One triangle to all rays: the edge functions w, t at the corners, and which rays may hit it. */
+typedef struct HYI_I(hyi_meeting) {
+    HYI_I(hyi_corner_all) corners[3];
+    HYI_FW w[3], least_w, most_w, t[3], first, last;
+    uint32_t possible;
+} HYI_I(hyi_meeting);
+
+/* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    HYI_I(hyi_corner_all) *k = m->corners;
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, k);
+    m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
+    m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
+    m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
+    m->least_w = HYI_MINW(HYI_MINW(m->w[0], m->w[1]), m->w[2]);
+    m->most_w = HYI_MAXW(HYI_MAXW(m->w[0], m->w[1]), m->w[2]);
+    HYI_MW outside = HYI_ANDW(HYI_LTW(m->least_w, HYI_ZEROW()), HYI_LTW(HYI_ZEROW(), m->most_w));
+    for (int i = 0; i < 3; i++) m->t[i] = HYI_MULW(k[i].z, HYI_LOADW(packet->inverse_z));
+    m->first = HYI_MINW(HYI_MINW(m->t[0], m->t[1]), m->t[2]);
+    m->last = HYI_MAXW(HYI_MAXW(m->t[0], m->t[1]), m->t[2]);
+    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), m->first), early = HYI_LTW(m->last, HYI_LOADW(packet->t_near));
+    m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
 }
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
 
-/* Of one triangle that rays may hit but those in out, where any hit does: stops the rays that certainly hit it; left: the
-   others, without those that turn out to miss it. hyi_judge_triangles, for all rays. Returns whether it stopped any. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
-    HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
-    HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), size = HYI_I(hyi_size_all)(sum), across = zero, along = zero;
-    HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
-    HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
+/* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
+typedef struct HYI_I(hyi_verdict_all) {
+    HYI_FW least, most;
+    HYI_MW certain;
+    uint32_t missed;
+} HYI_I(hyi_verdict_all);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const HYI_I(hyi_meeting) *m, HYI_I(hyi_verdict_all) *verdict) {
+    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero, along = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_I(hyi_size_all)(sum);
     for (int i = 0; i < 3; i++) {
-        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(k[i].x), HYI_I(hyi_size_all)(k[i].y)));
-        along = HYI_MAXW(along, HYI_I(hyi_size_all)(k[i].z));
+        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(m->corners[i].x), HYI_I(hyi_size_all)(m->corners[i].y)));
+        along = HYI_MAXW(along, HYI_I(hyi_size_all)(m->corners[i].z));
     }
     HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
-    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(a, ta), HYI_MULW(b, tb)), HYI_MULW(c, tc)), inverse);
-    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(first), HYI_I(hyi_size_all)(last));
-    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
-    HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
-    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
+    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(m->w[0], m->t[0]), HYI_MULW(m->w[1], m->t[1])), HYI_MULW(m->w[2], m->t[2])), inverse);
+    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(m->first), HYI_I(hyi_size_all)(m->last));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    verdict->least = HYI_SUBW(mean, error);
+    verdict->most = HYI_ADDW(mean, error);
+    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, m->least_w), HYI_LTW(m->most_w, zero));
     HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
     HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
     known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
-    HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
     HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
-    HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
-    uint32_t stopped = HYI_BITSW(hit) & ~HYI_BITSW(out);
-    *left = HYI_ALLW & ~(stopped | HYI_BITSW(HYI_ORW(out, missed)));
-    if (stopped == 0) return false;
-    for (uint32_t some = stopped; some; some &= some - 1u) {
-        packet->t_far[hyi_lowest_bit(some)] = -FLT_MAX;
-        packet->instance[hyi_lowest_bit(some)] = swarm->site.instance;
-    }
-    return true;
+    verdict->missed = HYI_BITSW(HYI_ANDW(known, HYI_ORW(HYI_LTW(verdict->most, t_near), HYI_LTW(HYI_LOADW(packet->t_far), verdict->least))));
+    verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
 
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
@@ -11387,19 +12190,29 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, H
     return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
 }
 
-HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], const HYI_FD v[3]) {
-    HYI_FD first = HYI_PIND(HYI_MULD(HYI_SETD(n[0]), v[0])), second = HYI_PIND(HYI_MULD(HYI_SETD(n[1]), v[1]));
-    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(HYI_SETD(n[2]), v[2]))));
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const HYI_FD n[3], const HYI_FD v[3]) {
+    HYI_FD first = HYI_PIND(HYI_MULD(n[0], v[0])), second = HYI_PIND(HYI_MULD(n[1], v[1]));
+    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(n[2], v[2]))));
 }
 
-/* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
-                                                       const double n[3], const double z[3], int half, double t[8], double weights[3][8]) {
-    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
+/* The plane of a triangle, or of one a lane, as hyi_plane_distance works it out: a corner, the normal, and z of the others. */
+typedef struct HYI_I(hyi_plane_half) {
+    HYI_FD corner[3], n[3], z[2];
+} HYI_I(hyi_plane_half);
+
+/* What hyi_confirm works out, for half of a packet. */
+typedef struct HYI_I(hyi_outcome_half) {
+    HYI_FD t, b, c, sum; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
+    uint32_t hit;        /* bits of the rays that hit */
+} HYI_I(hyi_outcome_half);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
+                                                   const HYI_I(hyi_plane_half) *plane, int half, HYI_I(hyi_outcome_half) *outcome) {
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_HALFD(HYI_LOADW(packet->origin[2]), half);
     for (int i = 0; i < 3; i++) {
         x[i] = HYI_HALFD(corners[i].x, half);
         y[i] = HYI_HALFD(corners[i].y, half);
-        to_corner[i] = HYI_PIND(HYI_SUBD(HYI_SETD(corner[i]), HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
+        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
         direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
     }
     HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
@@ -11407,37 +12220,46 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     HYI_FD c = HYI_I(hyi_cross_exact_half)(x[1], y[1], x[0], y[0]);
     uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
     HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
-    HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
-    HYI_FD plane = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD across = HYI_I(hyi_sum_products_half)(plane->n, direction);
+    HYI_FD distance = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(plane->n, to_corner), across));
     HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
     HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
-    for (int i = 1; i < 3; i++) {
-        HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
-        HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
+    for (int i = 0; i < 2; i++) {
+        HYI_FD at = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i], origin_z)), t_by_z));
         least = HYI_MIND(at, least);
         most = HYI_MAXD(at, most);
     }
-    HYI_STORED(t, HYI_MIND(most, HYI_MAXD(least, plane))); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
-    HYI_STORED(weights[0], b);
-    HYI_STORED(weights[1], c);
-    HYI_STORED(weights[2], sum);
-    return ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+    outcome->t = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
+    outcome->b = b;
+    outcome->c = c;
+    outcome->sum = sum;
+    outcome->hit = ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
 }
 
-/* The plane of a triangle as hyi_plane_distance works it out: a corner and the normal. */
-HYI_INLINE void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, double corner[3], double n[3]) {
+/* u and v of a hit, by half. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_weights)(const HYI_I(hyi_outcome_half) *outcome, int half, float *u, float *v) {
+    HYI_FD inverse = HYI_PIND(HYI_DIVD(HYI_SETD(1.0), outcome->sum));
+    HYI_STOREH(u, half, HYI_MULD(outcome->b, inverse));
+    HYI_STOREH(v, half, HYI_MULD(outcome->c, inverse));
+}
+
+/* One triangle's plane for all rays. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, HYI_I(hyi_plane_half) *plane) {
     double e[3], f[3];
     for (int i = 0; i < 3; i++) {
         const float *row = rows + axis[i] * stride;
-        corner[i] = (double)row[0];
-        e[i] = hyi_rounded_double((double)row[3u * stride] - corner[i]);
-        f[i] = hyi_rounded_double((double)row[6u * stride] - corner[i]);
+        double corner = (double)row[0];
+        plane->corner[i] = HYI_SETD(corner);
+        e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
+        f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
     }
-    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+    for (int i = 0; i < 3; i++) plane->n[i] = HYI_SETD(hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]));
+    for (uint32_t k = 0; k < 2; k++) plane->z[k] = HYI_SETD((double)rows[(3u * k + 3u + axis[2]) * stride]);
 }
 
 /* Takes a confirmed hit of one ray if it is the best. */
-HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t primitive, float t, const double weights[3]) {
+HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t leaf, uint32_t triangle, float t, float u, float v) {
+    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
     hyi_best best;
     best.t = packet->best_t[lane];
     best.instance = packet->instance[lane];
@@ -11445,68 +12267,239 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
     if (!(t >= packet->t_min[lane]) || !hyi_beats(&best, t, swarm->site.instance, primitive)) return false;
     if (swarm->site.asks_alpha) {
         const hyk_ray *ray = swarm->rays ? &swarm->rays[packet->ray[lane]] : swarm->flights[packet->ray[lane]].ray;
-        double inverse = hyi_rounded_double(1.0 / weights[2]);
-        if (hyi_lets_pass(&swarm->site, ray, primitive, (float)(weights[0] * inverse), (float)(weights[1] * inverse))) return false;
+        if (hyi_lets_pass(&swarm->site, ray, primitive, u, v)) return false;
     }
-    packet->best_t[lane] = t;
+    packet->best_t[lane] = packet->least_t[lane] = t;
     packet->instance[lane] = swarm->site.instance;
     packet->primitive[lane] = primitive;
-    for (int i = 0; i < 3; i++) packet->weights[i][lane] = weights[i];
+    packet->leaf.word[lane] = leaf;
+    packet->triangle.word[lane] = triangle;
     packet->t_far[lane] = swarm->any ? -FLT_MAX : t + 4.0f * HYI_ULP * fabsf(t);
     return true;
 }
 
-/* Decides on triangle number t of a leaf for the rays in mask. Returns whether one of them was hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                   const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
-    double corner[3], n[3], z[3];
-    for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
-    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
+/* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
+    HYI_I(hyi_corner_all) corners[3];
+    HYI_I(hyi_plane_half) plane;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
-    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, corners);
+    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_outcome_half) outcome;
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
-        double t[8], weights[3][8];
-        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, z, half, t, weights);
-        for (; some; some &= some - 1u) {
-            uint32_t lane = hyi_lowest_bit(some);
-            const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
-            if ((float)t[lane] <= packet->best_t[base + lane] && HYI_I(hyi_take_hit)(swarm, packet, base + lane, primitive, (float)t[lane], w)) found = true;
+        if (!some) continue;
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(t, half, outcome.t);
+        if (swarm->site.asks_alpha) HYI_I(hyi_store_weights)(&outcome, half, u, v);
+        for (some &= outcome.hit; some; some &= some - 1u) {
+            uint32_t lane = base + hyi_lowest_bit(some);
+            if (t[lane] <= packet->best_t[lane] && HYI_I(hyi_take_hit)(swarm, packet, lane, leaf, triangle, t[lane], u[lane], v[lane])) found = true;
         }
     }
     return found;
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                     HYI_I(hyi_corner_all) corners[3]) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
-    uint32_t triangles = hyi_leaf_count(leaf);
-    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + triangle, triangles);
+/* ---- hits that float is certain of */
+
+/* Where any hit does: the rays in mask are done. */
+HYI_INLINE void HYI_I(hyi_stop_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
+    for (; mask; mask &= mask - 1u) {
+        packet->t_far[hyi_lowest_bit(mask)] = -FLT_MAX;
+        packet->instance[hyi_lowest_bit(mask)] = swarm->site.instance;
+    }
 }
 
-/* Offers triangle number t of a leaf to all rays but those in out, which miss it. Returns whether one of them hits it. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                   const HYI_I(hyi_corner_all) corners[3], HYI_MW out) {
-    uint32_t left = ~HYI_BITSW(out) & HYI_ALLW;
-    bool found = left && swarm->any && !swarm->site.asks_alpha && HYI_I(hyi_stop_certain)(swarm, packet, corners, out, &left);
-    if (left && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, corners, left)) found = true;
-    return found;
+/* Of the rays in mask, those that have not found the same triangle in another leaf: spatial splits put it into several. */
+HYI_FN uint32_t HYI_I(hyi_new_to_rays)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
+    const uint32_t *ids = swarm->site.bvh->ids;
+    uint32_t primitive = ids[hyi_leaf_first(leaf) + triangle], left = mask;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask), other = packet->leaf.word[lane];
+        if (other && ids[hyi_leaf_first(other) + packet->triangle.word[lane]] == primitive) left &= ~(1u << lane);
+    }
+    return left;
+}
+
+/* Works out the hits that the rays in mask have put off. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
+    for (mask &= packet->waiting; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        packet->waiting &= ~(1u << lane);
+        (void)HYI_I(hyi_decide_for_all)(swarm, packet, packet->leaf.word[lane], packet->triangle.word[lane], 1u << lane);
+    }
+}
+
+/* Puts a word where the mask says. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW where, uint32_t word) {
+    hyi_lane_words all;
+    all.word[0] = word;
+    HYI_STOREW(words->bits, HYI_CHOOSEW(where, HYI_SETW(all.bits[0]), HYI_LOADW(words->bits)));
+}
+
+/* hyi_expect, for all rays; returns those of mask, which holds all that are certain, for which the triangle is not certainly
+   nearer than all before. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
+    HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
+    HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
+    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_I(hyi_size_all)(most)));
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
+    HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
+    HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
+    HYI_I(hyi_put_word)(&packet->triangle, nearer, triangle);
+    packet->waiting |= HYI_BITSW(nearer);
+    return mask & ~HYI_BITSW(nearer);
+}
+
+/* Offers a triangle to the rays that may hit it. Returns whether one of them does. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_meeting) *m, bool any) {
+    uint32_t left = m->possible;
+    if (!swarm->site.asks_alpha) {
+        HYI_I(hyi_verdict_all) verdict;
+        HYI_I(hyi_judge_all)(packet, m, &verdict);
+        left &= ~verdict.missed;
+        if (!left) return false;
+        uint32_t open = left;
+        if (any) {
+            open &= ~HYI_BITSW(HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(packet->best_t))));
+            HYI_I(hyi_stop_rays)(swarm, packet, left & ~open);
+        } else {
+            open = HYI_I(hyi_expect_all)(packet, leaf, triangle, &verdict, left);
+        }
+        if (!open) return true;
+        open = HYI_I(hyi_new_to_rays)(swarm, packet, leaf, triangle, open);
+        HYI_I(hyi_settle_rays)(swarm, packet, open);
+        return (open && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, open)) || open != left;
+    }
+    return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
+}
+
+/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit: those whose corners do not lie all
+   on one side of all rays along an axis of the sheared frames. Rounding is monotone, so what is greater for all rays before
+   it is not less after. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t count = hyi_leaf_count(leaf);
+    HYI_F8 low[2], high[2], zero = HYI_ZERO8();
+    for (uint32_t k = 0; k < 3u; k++) {
+        HYI_F8 z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[2]) * count), HYI_SET8(p->origin[2][0])));
+        for (uint32_t a = 0; a < 2u; a++) {
+            HYI_F8 d = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[a]) * count), HYI_SET8(p->origin[a][0])));
+            HYI_F8 one = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_low[a]), z)), other = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_high[a]), z));
+            HYI_F8 least = HYI_SUB8(d, HYI_MAX8(one, other)), most = HYI_SUB8(d, HYI_MIN8(one, other));
+            low[a] = k ? HYI_MIN8(low[a], least) : least;
+            high[a] = k ? HYI_MAX8(high[a], most) : most;
+        }
+    }
+    HYI_M8 beside = HYI_OR8(HYI_OR8(HYI_LT8(zero, low[0]), HYI_LT8(high[0], zero)), HYI_OR8(HYI_LT8(zero, low[1]), HYI_LT8(high[1], zero)));
+    return ~HYI_BITS8(beside) & ((1u << count) - 1u);
 }
 
 /* node, c: where the leaf hangs; NULL: nowhere. */
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
-                                                    const hyi_node *node, uint32_t c) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
+                                                   const hyi_node *node, uint32_t c, bool any) {
     uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
         bool found = false;
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
-        for (uint32_t t = 0; t < triangles; t++) {
-            HYI_I(hyi_corner_all) corners[3];
-            HYI_I(hyi_shear_triangle)(swarm, packet, leaf, t, corners);
-            if (HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, HYI_I(hyi_miss_triangle_all)(packet, corners))) found = true;
+        uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
+        for (; some; some &= some - 1u) {
+            uint32_t t = hyi_lowest_bit(some);
+            HYI_I(hyi_meeting) m;
+            HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
+            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_any)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, true);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_closest)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, false);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
+    else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
+}
+
+/* ---- working out what was found */
+
+/* The triangles that a packet found, and who found each. */
+typedef struct HYI_I(hyi_finds) {
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t count;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
+} HYI_I(hyi_finds);
+
+/* Rays of a packet find few triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
+    finds->count = 0;
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = packet->leaf.word[lane];
+        finds->triangle[k] = packet->triangle.word[lane];
+        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
+        left &= ~finds->lanes[k];
+    }
+}
+
+/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                   const uint32_t axis[3], HYI_FW rows[9]) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (uint32_t f = 0; f < finds->count; f++) {
+        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
+        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+    }
+}
+
+/* The planes of as many triangles as there are lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+    HYI_FD e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        plane->corner[i] = HYI_HALFD(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
+    }
+    plane->z[0] = HYI_HALFD(rows[5], half);
+    plane->z[1] = HYI_HALFD(rows[8], half);
+}
+
+/* Works out all hits of a packet. */
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    uint32_t axis[3];
+    hyi_group_axes(packet->group, axis);
+    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    if (finds->count == 0) return;
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(rows, half, &plane);
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(finds->t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
     }
 }
 
@@ -11519,7 +12512,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
-        if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
+        packet->shear_low[a] = HYI_LEASTW(shear);
+        packet->shear_high[a] = HYI_GREATESTW(shear);
+        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
         low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
@@ -11542,157 +12537,61 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
         packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
     }
+    HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
+    packet->waiting = 0;
     packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
 }
 
-/* Whether |v| <= limit in all lanes; what is not a number is not. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_all_within)(const float *v, float limit) {
-    HYI_FW size = HYI_MAXW(HYI_LOADW(v), HYI_SUBW(HYI_ZEROW(), HYI_LOADW(v)));
-    return HYI_BITSW(HYI_LEW(size, HYI_SETW(limit))) == HYI_ALLW;
+HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
+    for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
 }
 
-/* What directions have in common: see hyi_aim_group; false: they differ in that, or in size by far. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(float d[3][HYI_PACKET_WIDTH], uint32_t *group) {
-    HYI_FW zero = HYI_ZEROW(), size[3];
-    *group = 0;
-    for (uint32_t a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(d[a]);
-        uint32_t falls = HYI_BITSW(HYI_LTW(v, zero));
-        if ((falls != 0u && falls != HYI_ALLW) || !HYI_I(hyi_all_within)(d[a], 1073741824.0f)) return false;
-        *group |= (falls ? 1u : 0u) << a;
-        size[a] = HYI_MAXW(v, HYI_SUBW(zero, v));
-    }
-    uint32_t y = HYI_BITSW(HYI_LTW(size[0], size[1])), z = HYI_BITSW(HYI_LTW(HYI_MAXW(size[0], size[1]), size[2]));
-    if ((z != 0u && z != HYI_ALLW) || (z == 0u && y != 0u && y != HYI_ALLW)) return false;
-    HYI_FW largest = HYI_MAXW(HYI_MAXW(size[0], size[1]), size[2]);
-    *group |= (z ? 2u : y ? 1u : 0u) << 3;
-    return HYI_LEASTW(largest) >= 9.31322574615478515625e-10f;
-}
-
-/* hyi_aim_shear for all lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
-    for (int half = 0; half < 2; half++) {
-        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
-        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
-        HYI_STOREH(packet->inverse_z, half, t_by_z);
-        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
+HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
+    uint32_t left = HYI_ALLW;
+    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
+    for (; left; left &= left - 1u) {
+        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
+        if (answers->told) hyi_tell_miss(&answers->told[ray]);
+        else hyi_answer_miss(&answers->hits[ray]);
     }
 }
 
-/* What packets and flights have in common of HYI_LANES rays, by their numbers; false: they are of several groups, unsound,
-   or of uncommon size. o, inverse: by axis of space. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
-                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    float d[3][HYI_PACKET_WIDTH], words[8][HYI_PACKET_WIDTH];
-    uint32_t axis[3];
-    HYI_RAY_WORDS(rays, numbers, words);
-    HYI_FW scale = HYI_SETW(bvh->scale);
-    for (uint32_t a = 0; a < 3; a++) {
-        HYI_STOREW(o[a], HYI_MULW(HYI_LOADW(words[a]), scale));
-        HYI_STOREW(d[a], HYI_MULW(HYI_LOADW(words[4u + a]), scale));
-    }
-    HYI_STOREW(packet->t_min, HYI_LOADW(words[3]));
-    HYI_STOREW(packet->best_t, HYI_LOADW(words[7]));
-    if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
-    HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
-    bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
-    if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
-    hyi_group_axes(packet->group, axis);
-    for (int a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(d[a]);
-        if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
-        v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
-        HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
-        HYI_STOREW(packet->origin[a], HYI_LOADW(o[axis[a]]));
-        HYI_STOREW(packet->direction[a], HYI_LOADW(d[axis[a]]));
-    }
-    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
-    HYI_STOREW(packet->best_t, limit);
-    HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
-    HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
-    HYI_I(hyi_shear_packet)(packet);
-    return true;
-}
-
-/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        packet->ray[i] = first + i;
-        packet->instance[i] = packet->primitive[i] = HYK_NONE;
-    }
-    packet->count = HYI_LANES;
-    return HYI_I(hyi_load_rays)(swarm->site.bvh, swarm->rays, packet->ray, packet, o, inverse) &&
-           HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
-}
-
-/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t group, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH],
-                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
-    HYI_FW reach[3], zero = HYI_ZEROW();
-    for (int a = 0; a < 3; a++) {
-        HYI_FW below = HYI_SUBW(HYI_LOADW(o[a]), HYI_SETW(box->lower[a])), above = HYI_SUBW(HYI_SETW(box->upper[a]), HYI_LOADW(o[a]));
-        reach[a] = HYI_MAXW(HYI_MAXW(below, HYI_SUBW(zero, below)), HYI_MAXW(above, HYI_SUBW(zero, above)));
-    }
-    for (int a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(o[a]), size = HYI_MAXW(v, HYI_SUBW(zero, v)), back = HYI_SUBW(zero, HYI_LOADW(inverse[a]));
-        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], reach[group >> 3])), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
-        bound = (group >> a & 1u) ? HYI_SUBW(zero, bound) : bound;
-        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
-        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+    const hyi_accel *accel = swarm->site.accel;
+    hyk_hit hit;
+    hydra_hit told;
+    hit.t = hit.u = hit.v = 0.0f;
+    hit.instance = swarm->site.instance;
+    hit.primitive = finds->primitive[f];
+    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
+    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
+    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
+        hit.t = finds->t[lane];
+        hit.u = finds->u[lane];
+        hit.v = finds->v[lane];
+        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
+        else answers->hits[ray] = hit;
     }
 }
 
-/* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
-    uint32_t plane[3][HYI_PACKET_WIDTH], axes[3][HYI_PACKET_WIDTH], none[HYI_PACKET_WIDTH] = {0}, axis[3];
-    hyi_packet p;
-    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &p, o, inverse)) return false;
-    HYI_I(hyi_offset_lanes)(&bvh->scaled, p.group, o, inverse, near_offset, far_offset);
-    hyi_group_axes(p.group, axis);
-    for (uint32_t a = 0; a < 3; a++) {
-        for (uint32_t i = 0; i < HYI_LANES; i++) {
-            plane[a][i] = 2u * a + (p.group >> a & 1u);
-            axes[a][i] = axis[a];
-        }
-    }
-    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
-                             p.t_near, p.t_far, plane[0], plane[1], plane[2], p.inverse_z, p.best_t};
-    const void *triangles[16] = {p.origin[0], p.origin[1], p.origin[2], p.shear[0], p.shear[1], axes[0], axes[1], axes[2],
-                                 p.direction[0], p.direction[1], p.direction[2], none, none, none, none, none};
-    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
-    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyi_flight *flight = &flights[i];
-        flight->aim.t_by_z = p.t_by_z[i];
-        flight->aim.unit = flight->aim.inverse_unit = 1.0;
-        flight->best.t = p.best_t[i];
-        flight->best.u = flight->best.v = 0.0f;
-        flight->best.instance = flight->best.primitive = HYK_NONE;
-        flight->t_min = p.t_min[i];
-        flight->ray = &rays[numbers[i]];
-    }
-    return true;
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
+    hyi_answers to = *answers;
+    HYI_I(hyi_finds) finds;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
+    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
-    for (uint32_t i = 0; i < packet->count; i++) {
-        bool found = packet->instance[i] != HYK_NONE;
-        if (occluded) {
-            occluded[packet->ray[i]] = found ? 1 : 0;
-            continue;
-        }
-        hyk_hit *hit = &hits[packet->ray[i]];
-        double inverse = found ? hyi_rounded_double(1.0 / packet->weights[2][i]) : 0.0;
-        hit->t = found ? packet->best_t[i] : -1.0f;
-        hit->u = found ? (float)(packet->weights[0][i] * inverse) : 0.0f;
-        hit->v = found ? (float)(packet->weights[1][i] * inverse) : 0.0f;
-        hit->instance = packet->instance[i];
-        hit->primitive = packet->primitive[i];
-        hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+/* Answers the rays of count packets. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
+        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
+        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
     }
 }
 
@@ -11715,10 +12614,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->t_min[i] = flight->t_min;
         packet->t_near[i] = aim->t_near;
         packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
-        packet->best_t[i] = flight->best.t;
+        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
         packet->instance[i] = flight->best.instance;
         packet->primitive[i] = flight->best.primitive;
-        packet->weights[2][i] = 0.0;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
         packet->ray[i] = rays[i < count ? i : 0u];
     }
     packet->count = count;
@@ -11726,17 +12625,209 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
 
-/* Sum 0 stands for a hit that is not the packet's own. */
-HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
-    for (uint32_t i = 0; i < packet->count; i++) {
-        hyi_best *best = &swarm->flights[packet->ray[i]].best;
-        best->instance = packet->instance[i];
-        if (packet->weights[2][i] == 0.0) continue;
-        double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
-        best->t = packet->best_t[i];
-        best->u = (float)(packet->weights[0][i] * inverse);
-        best->v = (float)(packet->weights[1][i] * inverse);
-        best->primitive = packet->primitive[i];
+/* Hits that are not the packet's own are the flights' already. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    HYI_I(hyi_finds) finds;
+    for (uint32_t i = 0; i < packet->count; i++) swarm->flights[packet->ray[i]].best.instance = packet->instance[i];
+    if (swarm->any) return;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) {
+        for (uint32_t left = finds.lanes[f] & ((1u << packet->count) - 1u); left; left &= left - 1u) {
+            uint32_t lane = hyi_lowest_bit(left);
+            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
+            flight->best.t = finds.t[lane];
+            flight->best.u = finds.u[lane];
+            flight->best.v = finds.v[lane];
+            flight->best.instance = swarm->site.instance;
+            flight->best.primitive = finds.primitive[f];
+            flight->leaf = finds.leaf[f];
+            flight->lane = finds.triangle[f];
+        }
+    }
+}
+/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
+
+typedef struct HYI_I(hyi_block) {
+    HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
+    HYI_FW t_min, t_limit;
+    HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
+} HYI_I(hyi_block);
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
+
+/* Bits of lanes that are within -limit and limit; what is not a number is not. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
+    return HYI_BITSW(HYI_LEW(HYI_I(hyi_size_all)(v), HYI_SETW(limit)));
+}
+
+/* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_ray *rays, HYI_I(hyi_block) *block) {
+    float words[8][HYI_PACKET_WIDTH];
+    HYI_RAY_WORDS(rays, words);
+    HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
+    block->t_min = HYI_LOADW(words[3]);
+    block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, FLT_MAX) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    for (uint32_t a = 0; a < 3; a++) {
+        block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
+        block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
+        block->size[a] = HYI_I(hyi_size_all)(block->direction[a]);
+        block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
+        fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
+    }
+    HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
+    block->y = HYI_LTW(block->size[0], block->size[1]);
+    block->z = HYI_LTW(of_two, block->size[2]);
+    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
+}
+
+/* Whether the directions have in common what hyi_aim_group says. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(const HYI_I(hyi_block) *block, uint32_t *group) {
+    uint32_t y = HYI_BITSW(block->y), z = HYI_BITSW(block->z);
+    *group = (z ? 2u : y ? 1u : 0u) << 3;
+    for (uint32_t a = 0; a < 3; a++) {
+        uint32_t falls = HYI_BITSW(block->falls[a]);
+        if (falls != 0u && falls != HYI_ALLW) return false;
+        *group |= (falls ? 1u : 0u) << a;
+    }
+    return z == HYI_ALLW || (z == 0u && (y == 0u || y == HYI_ALLW));
+}
+
+/* Of values by axis of space, that of axis k in the sheared frame of each ray: see hyi_aim_shear. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_turn)(const HYI_I(hyi_block) *block, const HYI_FW v[3], uint32_t k) {
+    return HYI_CHOOSEW(block->z, v[k], HYI_CHOOSEW(block->y, v[(k + 2u) % 3u], v[(k + 1u) % 3u]));
+}
+
+/* hyi_aim_shear for all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
+    for (int half = 0; half < 2; half++) {
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_STOREH(packet->inverse_z, half, t_by_z);
+        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
+    }
+}
+
+/* What packets and flights have in common. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_FW sign = HYI_CHOOSEW(block->falls[a], HYI_SETW(-1.0f), HYI_SETW(1.0f));
+        HYI_STOREW(o[a], block->origin[a]);
+        HYI_STOREW(inverse[a], HYI_DIVW(sign, HYI_MAXW(block->size[a], HYI_SETW(HYI_STEADY))));
+        HYI_STOREW(packet->origin[a], HYI_I(hyi_turn)(block, block->origin, a));
+        HYI_STOREW(packet->direction[a], HYI_I(hyi_turn)(block, block->direction, a));
+    }
+    HYI_STOREW(packet->t_min, block->t_min);
+    HYI_STOREW(packet->best_t, block->t_limit);
+    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_I(hyi_size_all)(block->t_min), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_I(hyi_size_all)(block->t_limit), slack)));
+    HYI_I(hyi_shear_packet)(packet);
+}
+
+/* Makes a packet of rays first, first + 1, ... of what was filled in; false: they are too different. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packet, uint32_t first,
+                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    if (!HYI_I(hyi_find_group)(block, &packet->group) || !HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
+    packet->count = HYI_LANES;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
+    }
+    return true;
+}
+
+/* ---- flights */
+
+/* hyi_reach for all lanes. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW origin, int axis, bool loose) {
+    HYI_FW lower = HYI_SETW(box->lower[axis]), upper = HYI_SETW(box->upper[axis]);
+    HYI_FW below = HYI_I(hyi_size_all)(HYI_SUBW(lower, origin)), above = HYI_I(hyi_size_all)(HYI_SUBW(upper, origin));
+    if (!loose) return HYI_MAXW(below, above);
+    HYI_FW larger = HYI_MAXW(HYI_I(hyi_size_all)(lower), HYI_I(hyi_size_all)(upper));
+    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_I(hyi_size_all)(origin)));
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+    HYI_FW reach[3];
+    for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
+    HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = block->origin[a], size = HYI_I(hyi_size_all)(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
+        bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
+        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
+        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+    }
+}
+
+/* A whole number in all lanes: these are only moved, and chosen from. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
+    float bits;
+    memcpy(&bits, &value, sizeof bits);
+    return HYI_SETW(bits);
+}
+
+/* hyi_aim.near_plane and .axis of all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, float plane[3][HYI_PACKET_WIDTH], float axis[3][HYI_PACKET_WIDTH]) {
+    const HYI_FW axes[3] = {HYI_I(hyi_whole)(0), HYI_I(hyi_whole)(1), HYI_I(hyi_whole)(2)};
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(2u * a + 1u), HYI_I(hyi_whole)(2u * a)));
+        HYI_STOREW(axis[a], HYI_I(hyi_turn)(block, axes, a));
+    }
+}
+
+/* Flights of rays first, first + 1, ... of what was filled into a packet. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
+                                                  const hyk_ray *rays, hyi_flight *flights) {
+    float near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
+    float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
+    static const uint32_t none[HYI_PACKET_WIDTH] = {0};
+    hyi_flight blank;
+    memset(&blank, 0, sizeof blank);
+    blank.aim.unit = blank.aim.inverse_unit = 1.0;
+    blank.best.instance = blank.best.primitive = HYK_NONE;
+    for (uint32_t i = 0; i < HYI_LANES; i++) flights[i] = blank;
+    HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
+    HYI_I(hyi_name_axes)(block, plane, axis);
+    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
+                             p->t_near, p->t_far, plane[0], plane[1], plane[2], p->inverse_z, p->best_t};
+    const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
+                                 p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &flights[i];
+        flight->aim.t_by_z = p->t_by_z[i];
+        flight->best.t = p->best_t[i];
+        flight->t_min = p->t_min[i];
+        flight->ray = &rays[i];
+    }
+}
+
+/* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
+   are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
+HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
+                                             uint32_t count, hyi_begun *begun) {
+    for (uint32_t first; (first = begun->rays) < count && begun->packets < stream->packet_share; begun->rays += HYI_LANES) {
+        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        hyi_packet *packet = &stream->packets[begun->packets];
+        HYI_I(hyi_block) block;
+        if (some < HYI_LANES || !HYI_I(hyi_load_block)(site->bvh, rays + first, &block)) {
+            hyi_begin_each(site, stream, rays, answers, first, some, begun);
+            continue;
+        }
+        HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
+        if (site->bvh->rows && HYI_I(hyi_pack_rays)(site->bvh, &block, packet, first, o, inverse)) {
+            begun->packets++;
+            continue;
+        }
+        HYI_I(hyi_cut_flights)(site->bvh, &block, packet, inverse, rays + first, stream->flights + begun->flights);
+        begun->flights += HYI_LANES;
     }
 }
 /* ---- many rays (expanded once for each instruction set)
@@ -11749,12 +12840,13 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, const hyi_node *node, uint32_t c, uint32_t *list, uint32_t count) {
-    float x = node->planes[swarm->near_plane[0]][c], y = node->planes[swarm->near_plane[1]][c], z = node->planes[swarm->near_plane[2]][c];
     uint32_t kept = 0;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t ray = list[i];
         const hyi_aim *aim = &swarm->flights[ray].aim;
-        float tx = x * aim->inverse[0] + aim->near_offset[0], ty = y * aim->inverse[1] + aim->near_offset[1], tz = z * aim->inverse[2] + aim->near_offset[2];
+        float tx = node->planes[aim->near_plane[0]][c] * aim->inverse[0] + aim->near_offset[0];
+        float ty = node->planes[aim->near_plane[1]][c] * aim->inverse[1] + aim->near_offset[1];
+        float tz = node->planes[aim->near_plane[2]][c] * aim->inverse[2] + aim->near_offset[2];
         float enter = tx > ty ? tx : ty;
         enter = tz > enter ? tz : enter;
         list[kept] = ray;
@@ -11763,15 +12855,20 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     return kept;
 }
 
+/* Which children a flight, or a packet, meets, and where it enters them. planes: what all packets of a list meet. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, const hyi_node *node, uint32_t item, HYI_I(hyi_planes) *planes, HYI_F8 *enter, bool packets) {
+    if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
+    const hyi_aim *aim = &swarm->flights[item].aim;
+    HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
+    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter);
+}
+
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                            uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    for (int a = 0; a < 3; a++) {
-        planes.near_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a]]);
-        planes.far_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a] ^ 1u]);
-    }
+    if (packets) HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += HYI_DEAL) {
         uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
         HYI_MASKS masks;
@@ -11779,8 +12876,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_nod
         for (uint32_t i = 0; i < some; i++) {
             HYI_F8 enter;
             uint32_t item = list[first + i];
-            HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
-                                  : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
+            HYI_M8 mask = HYI_I(hyi_meet_children)(swarm, node, item, &planes, &enter, packets);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
             if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
@@ -11920,64 +13016,71 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
         if (some > HYI_LANES / 2u && HYI_I(hyi_pack_flights)(swarm, &swarm->packets[made], rays + first, some)) made++;
         else
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
+        if (made < swarm->stream->packet_share && first + some < count) continue;
+        for (uint32_t i = 0; i < made; i++) space[i] = i;
+        if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+        for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
+        made = 0;
     }
-    for (uint32_t i = 0; i < made; i++) space[i] = i;
-    if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
-    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
     return others;
+}
+
+/* The same of all count flights, by groups; the others are listed in others. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32_t count, uint32_t *others, uint32_t *space) {
+    uint32_t first[HYI_RAY_GROUPS + 1], rest = 0;
+    uint8_t *keys = (uint8_t *)(void *)space;
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm->flights[i].aim);
+    hyi_group(keys, count, others, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        if (first[g + 1] == first[g]) continue;
+        hyi_set_group(swarm, g);
+        uint32_t left = HYI_I(hyi_run_alike)(swarm, others + first[g], first[g + 1] - first[g], space);
+        memmove(others + rest, others + first[g], left * sizeof *others);
+        rest += left;
+    }
+    return rest;
 }
 
 /* Sends the first count flights (deep: of those in instances) through the tree of site. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
     hyi_swarm swarm;
-    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
-    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
     swarm.stream = stream;
     swarm.rays = NULL;
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
-    swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
+    swarm.packets = stream->packets;
     swarm.any = any;
     if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
-    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm.flights[i].aim);
-    hyi_group(keys, count, order, first);
-    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
-        uint32_t *rays = order + first[g], some = first[g + 1] - first[g];
-        hyi_set_group(&swarm, g);
-        if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
-        if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
-    }
+    if (deep) rest = HYI_I(hyi_run_alike_all)(&swarm, count, space, space + room);
+    else
+        for (uint32_t i = 0; i < count; i++) space[i] = i;
+    if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
     for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
 }
 
-/* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
-                                                     uint8_t *occluded, uint32_t count, uint32_t *others, uint8_t *keys) {
+/* Answers count rays, at most capacity. Returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_begun begun = {0, 0, 0, true};
     hyi_swarm swarm;
-    uint32_t made = 0, rest = 0;
     swarm.site = *site;
     swarm.stream = stream;
     swarm.rays = rays;
     swarm.flights = NULL;
     swarm.packets = stream->packets;
-    swarm.any = occluded != NULL;
-    for (uint32_t first = 0; first < count; first += HYI_LANES) {
-        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
-            made++;
-            continue;
-        }
-        for (uint32_t i = first; i < first + some; i++) {
-            others[rest] = i;
-            keys[rest++] = hyi_direction_key(hyi_load_ray(&rays[i]).direction);
-        }
+    swarm.any = answers->occluded != NULL;
+    while (begun.rays < count) {
+        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, &begun);
+        if (begun.packets) HYI_I(hyi_run_packets)(&swarm, begun.packets, stream->lists);
+        HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
+        begun.packets = 0;
     }
-    if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
-    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
-    return rest;
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, false, swarm.any);
+    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
+    return begun.sound;
 }
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
@@ -11992,10 +13095,12 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
+#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
 #undef HYI_CHOOSE4
+#undef HYI_CHOOSEW
 #undef HYI_CLEAR_MASKS
 #undef HYI_D2
 #undef HYI_DEAL
@@ -12007,6 +13112,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
+#undef HYI_FLIGHT_BEGIN
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
@@ -12040,12 +13146,16 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_MASKS
 #undef HYI_MAX2
 #undef HYI_MAX4
+#undef HYI_MAX4_AS_INTS
 #undef HYI_MAX8
+#undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
 #undef HYI_MIN2
 #undef HYI_MIN4
+#undef HYI_MIN4_AS_INTS
 #undef HYI_MIN8
+#undef HYI_MIN8_AS_INTS
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
@@ -12063,12 +13173,16 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_PIN8
 #undef HYI_PIND
 #undef HYI_PINW
+#undef HYI_SAME4
+#undef HYI_SAMEW
 #undef HYI_SET2
 #undef HYI_SET4
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_SIGNED4
+#undef HYI_SIZE4
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -12136,11 +13250,14 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_MAD4(a, b, c) _mm_add_ps(_mm_mul_ps(a, b), c)
 #define HYI_MIN4(a, b) _mm_min_ps(a, b)
 #define HYI_MAX4(a, b) _mm_max_ps(a, b)
+#define HYI_MAX4_AS_INTS(a, b) _mm_castsi128_ps(_mm_max_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
+#define HYI_MIN4_AS_INTS(a, b) _mm_castsi128_ps(_mm_min_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
 #define HYI_LT4(a, b) _mm_cmplt_ps(a, b)
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
 #define HYI_AND4(a, b) _mm_and_ps(a, b)
 #define HYI_OR4(a, b) _mm_or_ps(a, b)
 #define HYI_CHOOSE4(m, a, b) _mm_blendv_ps(b, a, m)
+#define HYI_SAME4(a, b) _mm_castsi128_ps(_mm_cmpeq_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
 #define HYI_BITS4_4(low, high) ((uint32_t)_mm_movemask_ps(low) | (uint32_t)_mm_movemask_ps(high) << 4)
 #define HYI_PIN4(a) hyi_pin4_sse42(a)
 #define HYI_GREATEST4(a) hyi_greatest4_sse42(a)
@@ -12161,6 +13278,9 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_LT2(a, b) _mm_cmplt_pd(a, b)
 #define HYI_BITS2_2(low, high) ((uint32_t)_mm_movemask_pd(low) | (uint32_t)_mm_movemask_pd(high) << 2)
 #define HYI_PIN2(a) hyi_pin2_sse42(a)
+#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
+#define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
+#define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
 /* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
    for four floats and two doubles) */
 
@@ -12189,8 +13309,11 @@ HYI_PAIR(mul8, f8, f8, HYI_MUL4)
 HYI_PAIR(div8, f8, f8, HYI_DIV4)
 HYI_PAIR(min8, f8, f8, HYI_MIN4)
 HYI_PAIR(max8, f8, f8, HYI_MAX4)
+HYI_PAIR(max8_as_ints, f8, f8, HYI_MAX4_AS_INTS)
+HYI_PAIR(min8_as_ints, f8, f8, HYI_MIN4_AS_INTS)
 HYI_PAIR(lt8, m8, f8, HYI_LT4)
 HYI_PAIR(le8, m8, f8, HYI_LE4)
+HYI_PAIR(same8, m8, f8, HYI_SAME4)
 HYI_PAIR(and8, m8, m8, HYI_AND4)
 HYI_PAIR(or8, m8, m8, HYI_OR4)
 HYI_PAIR(add_doubles, d4, d4, HYI_ADD2)
@@ -12238,6 +13361,12 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_mad8)(HYI_I(hyi_f8) a, HYI_I(hyi_f
 HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_pin8)(HYI_I(hyi_f8) a) {
     a.low = HYI_PIN4(a.low);
     a.high = HYI_PIN4(a.high);
+    return a;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_choose8)(HYI_I(hyi_m8) m, HYI_I(hyi_f8) a, HYI_I(hyi_f8) b) {
+    a.low = HYI_CHOOSE4(m.low, a.low, b.low);
+    a.high = HYI_CHOOSE4(m.high, a.high, b.high);
     return a;
 }
 
@@ -12316,6 +13445,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
 #define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
 #define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
+#define HYI_MAX8_AS_INTS(a, b) HYI_I(hyi_max8_as_ints)(a, b)
+#define HYI_MIN8_AS_INTS(a, b) HYI_I(hyi_min8_as_ints)(a, b)
 #define HYI_LT8(a, b) HYI_I(hyi_lt8)(a, b)
 #define HYI_LE8(a, b) HYI_I(hyi_le8)(a, b)
 #define HYI_AND8(a, b) HYI_I(hyi_and8)(a, b)
@@ -12323,7 +13454,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
 #define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
-#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words(rays, numbers, words, 8u)
+#define HYI_RAY_WORDS(rays, words) hyi_ray_words(rays, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
@@ -12341,8 +13472,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
 #define HYI_LEW(a, b) HYI_LE8(a, b)
+#define HYI_CHOOSEW(m, a, b) HYI_I(hyi_choose8)(m, a, b)
 #define HYI_ANDW(a, b) HYI_AND8(a, b)
 #define HYI_ORW(a, b) HYI_OR8(a, b)
+#define HYI_SAMEW(a, b) HYI_I(hyi_same8)(a, b)
 #define HYI_BITSW(m) HYI_BITS8(m)
 #define HYI_PINW(a) HYI_PIN8(a)
 #define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
@@ -12364,10 +13497,77 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAXD(a, b) HYI_I(hyi_max_doubles)(a, b)
 #define HYI_LTD(a, b) HYI_I(hyi_lt_doubles)(a, b)
 #define HYI_PIND(a) HYI_I(hyi_pin_doubles)(a)
+/* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
+   words: HYI_F4 is four floats) */
+
+/* hyi_aim_slabs for a tree of triangles. The fourth of what is loaded and stored belongs to what comes after it in bvh and in
+   aim: it is not used there, and overwritten here. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z) {
+    const float *lower = bvh->scaled.lower, *upper = lower + 3;
+    float reaches[4];
+    HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
+    HYI_STORE4(reaches, reach);
+    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
+    HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
+    bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
+    HYI_STORE4(aim->inverse, inverse);
+    HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
+    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
+}
+
+/* The largest component of a direction, without a branch, which would be guessed wrong half of the time. bits: of floats. */
+HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
+    uint32_t x = bits[0] & 0x7fffffffu, y = bits[1] & 0x7fffffffu, z = bits[2] & 0x7fffffffu;
+    uint32_t z_wins = (uint32_t)(z > x) & (uint32_t)(z > y);
+    return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
+}
+
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
+    float origin[4], direction[4];
+    HYI_STORE4(origin, o);
+    HYI_STORE4(direction, d);
+    HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
+    aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
+    aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
+    aim->axis[0] = 0x09u >> 2u * z & 3u; /* 1, 2, 0 */
+    aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
+    aim->axis[2] = z;
+    for (uint32_t a = 0; a < 3; a++) {
+        aim->near_plane[a] = 2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u);
+        aim->origin[a] = origin[aim->axis[a]];
+        aim->direction[a] = direction[aim->axis[a]];
+    }
+    hyi_aim_along(aim);
+    aim->unit = aim->inverse_unit = 1.0;
+}
+
+/* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
+   or in a tree of boxes. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
+    uint32_t bits[8];
+    float t_min, t_max, direction[4];
+    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
+    memcpy(&t_min, &bits[3], sizeof t_min);
+    memcpy(&t_max, &bits[7], sizeof t_max);
+    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
+    uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
+    HYI_STORE4(direction, d);
+    float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
+    if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
+    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(1099511627776.0f))) != 15u || !bvh->rows) return false;
+    hyi_flight_clear(flight, ray, t_min, limit);
+    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
+    return true;
+}
+
+#define HYI_FLIGHT_BEGIN(flight, bvh, ray) (HYI_I(hyi_begin_most)(flight, bvh, ray) || hyi_begin_any(flight, bvh, ray))
 /* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
    HYI_PIN8 keeps values as rounded) */
 
-/* Eight boxes against one ray; the planes come in the order in which it meets them. */
+/* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
+   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
+   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
@@ -12376,8 +13576,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
-    *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
-    return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
+    return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
 
 /* Bits of the children that the ray meets, and where it enters them. */
@@ -12572,12 +13772,26 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
         HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
     }
 }
+
+/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
+    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
+    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
+    return true;
+}
 /* ---- packets of alike rays (expanded once for each instruction set) */
 
-/* The planes of a node in the order in which the rays of a swarm meet them. */
+/* The planes of a node in the order in which rays meet them. */
 typedef struct HYI_I(hyi_planes) {
     HYI_F8 near_planes[3], far_planes[3];
 } HYI_I(hyi_planes);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_order_planes)(const hyi_node *node, const uint32_t near_plane[3], HYI_I(hyi_planes) *planes) {
+    for (int a = 0; a < 3; a++) {
+        planes->near_planes[a] = HYI_LOAD8(node->planes[near_plane[a]]);
+        planes->far_planes[a] = HYI_LOAD8(node->planes[near_plane[a] ^ 1u]);
+    }
+}
 
 /* Eight boxes against the bounds of a packet: no ray of it enters earlier than enter, or leaves later. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, const HYI_I(hyi_planes) *planes, HYI_F8 *enter) {
@@ -12623,67 +13837,85 @@ typedef struct HYI_I(hyi_corner_all) {
     HYI_FW x, y, z;
 } HYI_I(hyi_corner_all);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_lanes)(const hyi_packet *p, HYI_FW x, HYI_FW y, HYI_FW z) {
     HYI_I(hyi_corner_all) c;
-    c.z = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[2] * stride]), HYI_LOADW(p->origin[2])));
-    HYI_FW dx = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[0] * stride]), HYI_LOADW(p->origin[0])));
-    HYI_FW dy = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[1] * stride]), HYI_LOADW(p->origin[1])));
+    c.z = HYI_PINW(HYI_SUBW(z, HYI_LOADW(p->origin[2])));
+    HYI_FW dx = HYI_PINW(HYI_SUBW(x, HYI_LOADW(p->origin[0])));
+    HYI_FW dy = HYI_PINW(HYI_SUBW(y, HYI_LOADW(p->origin[1])));
     c.x = HYI_PINW(HYI_SUBW(dx, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[0]), c.z))));
     c.y = HYI_PINW(HYI_SUBW(dy, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[1]), c.z))));
     return c;
+}
+
+/* A corner that is the same for all. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+    return HYI_I(hyi_shear_lanes)(p, HYI_SETW(row[axis[0] * stride]), HYI_SETW(row[axis[1] * stride]), HYI_SETW(row[axis[2] * stride]));
 }
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I(hyi_corner_all) q) {
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
-/* Which rays certainly miss one triangle: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_miss_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
-    HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
-    HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
-    HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
-    HYI_MW above = HYI_LTW(HYI_ZEROW(), HYI_MAXW(HYI_MAXW(a, b), c));
-    HYI_FW scale = HYI_LOADW(packet->inverse_z);
-    HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
-    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
-    HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
-    return HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early));
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                     HYI_I(hyi_corner_all) corners[3]) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf) + triangle;
+    uint32_t count = hyi_leaf_count(leaf);
+    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * count, count);
+}
+
+/* One triangle to all rays: the edge functions w, t at the corners, and which rays may hit it. */
+typedef struct HYI_I(hyi_meeting) {
+    HYI_I(hyi_corner_all) corners[3];
+    HYI_FW w[3], least_w, most_w, t[3], first, last;
+    uint32_t possible;
+} HYI_I(hyi_meeting);
+
+/* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    HYI_I(hyi_corner_all) *k = m->corners;
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, k);
+    m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
+    m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
+    m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
+    m->least_w = HYI_MINW(HYI_MINW(m->w[0], m->w[1]), m->w[2]);
+    m->most_w = HYI_MAXW(HYI_MAXW(m->w[0], m->w[1]), m->w[2]);
+    HYI_MW outside = HYI_ANDW(HYI_LTW(m->least_w, HYI_ZEROW()), HYI_LTW(HYI_ZEROW(), m->most_w));
+    for (int i = 0; i < 3; i++) m->t[i] = HYI_MULW(k[i].z, HYI_LOADW(packet->inverse_z));
+    m->first = HYI_MINW(HYI_MINW(m->t[0], m->t[1]), m->t[2]);
+    m->last = HYI_MAXW(HYI_MAXW(m->t[0], m->t[1]), m->t[2]);
+    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), m->first), early = HYI_LTW(m->last, HYI_LOADW(packet->t_near));
+    m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
 }
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
 
-/* Of one triangle that rays may hit but those in out, where any hit does: stops the rays that certainly hit it; left: the
-   others, without those that turn out to miss it. hyi_judge_triangles, for all rays. Returns whether it stopped any. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
-    HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
-    HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), size = HYI_I(hyi_size_all)(sum), across = zero, along = zero;
-    HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
-    HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
+/* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
+typedef struct HYI_I(hyi_verdict_all) {
+    HYI_FW least, most;
+    HYI_MW certain;
+    uint32_t missed;
+} HYI_I(hyi_verdict_all);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const HYI_I(hyi_meeting) *m, HYI_I(hyi_verdict_all) *verdict) {
+    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero, along = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_I(hyi_size_all)(sum);
     for (int i = 0; i < 3; i++) {
-        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(k[i].x), HYI_I(hyi_size_all)(k[i].y)));
-        along = HYI_MAXW(along, HYI_I(hyi_size_all)(k[i].z));
+        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(m->corners[i].x), HYI_I(hyi_size_all)(m->corners[i].y)));
+        along = HYI_MAXW(along, HYI_I(hyi_size_all)(m->corners[i].z));
     }
     HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
-    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(a, ta), HYI_MULW(b, tb)), HYI_MULW(c, tc)), inverse);
-    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(first), HYI_I(hyi_size_all)(last));
-    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
-    HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
-    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
+    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(m->w[0], m->t[0]), HYI_MULW(m->w[1], m->t[1])), HYI_MULW(m->w[2], m->t[2])), inverse);
+    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(m->first), HYI_I(hyi_size_all)(m->last));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    verdict->least = HYI_SUBW(mean, error);
+    verdict->most = HYI_ADDW(mean, error);
+    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, m->least_w), HYI_LTW(m->most_w, zero));
     HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
     HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
     known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
-    HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
     HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
-    HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
-    uint32_t stopped = HYI_BITSW(hit) & ~HYI_BITSW(out);
-    *left = HYI_ALLW & ~(stopped | HYI_BITSW(HYI_ORW(out, missed)));
-    if (stopped == 0) return false;
-    for (uint32_t some = stopped; some; some &= some - 1u) {
-        packet->t_far[hyi_lowest_bit(some)] = -FLT_MAX;
-        packet->instance[hyi_lowest_bit(some)] = swarm->site.instance;
-    }
-    return true;
+    verdict->missed = HYI_BITSW(HYI_ANDW(known, HYI_ORW(HYI_LTW(verdict->most, t_near), HYI_LTW(HYI_LOADW(packet->t_far), verdict->least))));
+    verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
 
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
@@ -12691,19 +13923,29 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, H
     return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
 }
 
-HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], const HYI_FD v[3]) {
-    HYI_FD first = HYI_PIND(HYI_MULD(HYI_SETD(n[0]), v[0])), second = HYI_PIND(HYI_MULD(HYI_SETD(n[1]), v[1]));
-    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(HYI_SETD(n[2]), v[2]))));
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const HYI_FD n[3], const HYI_FD v[3]) {
+    HYI_FD first = HYI_PIND(HYI_MULD(n[0], v[0])), second = HYI_PIND(HYI_MULD(n[1], v[1]));
+    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(n[2], v[2]))));
 }
 
-/* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
-                                                       const double n[3], const double z[3], int half, double t[8], double weights[3][8]) {
-    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
+/* The plane of a triangle, or of one a lane, as hyi_plane_distance works it out: a corner, the normal, and z of the others. */
+typedef struct HYI_I(hyi_plane_half) {
+    HYI_FD corner[3], n[3], z[2];
+} HYI_I(hyi_plane_half);
+
+/* What hyi_confirm works out, for half of a packet. */
+typedef struct HYI_I(hyi_outcome_half) {
+    HYI_FD t, b, c, sum; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
+    uint32_t hit;        /* bits of the rays that hit */
+} HYI_I(hyi_outcome_half);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
+                                                   const HYI_I(hyi_plane_half) *plane, int half, HYI_I(hyi_outcome_half) *outcome) {
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_HALFD(HYI_LOADW(packet->origin[2]), half);
     for (int i = 0; i < 3; i++) {
         x[i] = HYI_HALFD(corners[i].x, half);
         y[i] = HYI_HALFD(corners[i].y, half);
-        to_corner[i] = HYI_PIND(HYI_SUBD(HYI_SETD(corner[i]), HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
+        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
         direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
     }
     HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
@@ -12711,37 +13953,46 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     HYI_FD c = HYI_I(hyi_cross_exact_half)(x[1], y[1], x[0], y[0]);
     uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
     HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
-    HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
-    HYI_FD plane = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD across = HYI_I(hyi_sum_products_half)(plane->n, direction);
+    HYI_FD distance = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(plane->n, to_corner), across));
     HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
     HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
-    for (int i = 1; i < 3; i++) {
-        HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
-        HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
+    for (int i = 0; i < 2; i++) {
+        HYI_FD at = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i], origin_z)), t_by_z));
         least = HYI_MIND(at, least);
         most = HYI_MAXD(at, most);
     }
-    HYI_STORED(t, HYI_MIND(most, HYI_MAXD(least, plane))); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
-    HYI_STORED(weights[0], b);
-    HYI_STORED(weights[1], c);
-    HYI_STORED(weights[2], sum);
-    return ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+    outcome->t = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
+    outcome->b = b;
+    outcome->c = c;
+    outcome->sum = sum;
+    outcome->hit = ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
 }
 
-/* The plane of a triangle as hyi_plane_distance works it out: a corner and the normal. */
-HYI_INLINE void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, double corner[3], double n[3]) {
+/* u and v of a hit, by half. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_weights)(const HYI_I(hyi_outcome_half) *outcome, int half, float *u, float *v) {
+    HYI_FD inverse = HYI_PIND(HYI_DIVD(HYI_SETD(1.0), outcome->sum));
+    HYI_STOREH(u, half, HYI_MULD(outcome->b, inverse));
+    HYI_STOREH(v, half, HYI_MULD(outcome->c, inverse));
+}
+
+/* One triangle's plane for all rays. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, HYI_I(hyi_plane_half) *plane) {
     double e[3], f[3];
     for (int i = 0; i < 3; i++) {
         const float *row = rows + axis[i] * stride;
-        corner[i] = (double)row[0];
-        e[i] = hyi_rounded_double((double)row[3u * stride] - corner[i]);
-        f[i] = hyi_rounded_double((double)row[6u * stride] - corner[i]);
+        double corner = (double)row[0];
+        plane->corner[i] = HYI_SETD(corner);
+        e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
+        f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
     }
-    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+    for (int i = 0; i < 3; i++) plane->n[i] = HYI_SETD(hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]));
+    for (uint32_t k = 0; k < 2; k++) plane->z[k] = HYI_SETD((double)rows[(3u * k + 3u + axis[2]) * stride]);
 }
 
 /* Takes a confirmed hit of one ray if it is the best. */
-HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t primitive, float t, const double weights[3]) {
+HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t leaf, uint32_t triangle, float t, float u, float v) {
+    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
     hyi_best best;
     best.t = packet->best_t[lane];
     best.instance = packet->instance[lane];
@@ -12749,68 +14000,239 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
     if (!(t >= packet->t_min[lane]) || !hyi_beats(&best, t, swarm->site.instance, primitive)) return false;
     if (swarm->site.asks_alpha) {
         const hyk_ray *ray = swarm->rays ? &swarm->rays[packet->ray[lane]] : swarm->flights[packet->ray[lane]].ray;
-        double inverse = hyi_rounded_double(1.0 / weights[2]);
-        if (hyi_lets_pass(&swarm->site, ray, primitive, (float)(weights[0] * inverse), (float)(weights[1] * inverse))) return false;
+        if (hyi_lets_pass(&swarm->site, ray, primitive, u, v)) return false;
     }
-    packet->best_t[lane] = t;
+    packet->best_t[lane] = packet->least_t[lane] = t;
     packet->instance[lane] = swarm->site.instance;
     packet->primitive[lane] = primitive;
-    for (int i = 0; i < 3; i++) packet->weights[i][lane] = weights[i];
+    packet->leaf.word[lane] = leaf;
+    packet->triangle.word[lane] = triangle;
     packet->t_far[lane] = swarm->any ? -FLT_MAX : t + 4.0f * HYI_ULP * fabsf(t);
     return true;
 }
 
-/* Decides on triangle number t of a leaf for the rays in mask. Returns whether one of them was hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                   const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
-    double corner[3], n[3], z[3];
-    for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
-    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
+/* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
+    HYI_I(hyi_corner_all) corners[3];
+    HYI_I(hyi_plane_half) plane;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
-    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, corners);
+    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_outcome_half) outcome;
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
-        double t[8], weights[3][8];
-        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, z, half, t, weights);
-        for (; some; some &= some - 1u) {
-            uint32_t lane = hyi_lowest_bit(some);
-            const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
-            if ((float)t[lane] <= packet->best_t[base + lane] && HYI_I(hyi_take_hit)(swarm, packet, base + lane, primitive, (float)t[lane], w)) found = true;
+        if (!some) continue;
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(t, half, outcome.t);
+        if (swarm->site.asks_alpha) HYI_I(hyi_store_weights)(&outcome, half, u, v);
+        for (some &= outcome.hit; some; some &= some - 1u) {
+            uint32_t lane = base + hyi_lowest_bit(some);
+            if (t[lane] <= packet->best_t[lane] && HYI_I(hyi_take_hit)(swarm, packet, lane, leaf, triangle, t[lane], u[lane], v[lane])) found = true;
         }
     }
     return found;
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                     HYI_I(hyi_corner_all) corners[3]) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
-    uint32_t triangles = hyi_leaf_count(leaf);
-    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + triangle, triangles);
+/* ---- hits that float is certain of */
+
+/* Where any hit does: the rays in mask are done. */
+HYI_INLINE void HYI_I(hyi_stop_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
+    for (; mask; mask &= mask - 1u) {
+        packet->t_far[hyi_lowest_bit(mask)] = -FLT_MAX;
+        packet->instance[hyi_lowest_bit(mask)] = swarm->site.instance;
+    }
 }
 
-/* Offers triangle number t of a leaf to all rays but those in out, which miss it. Returns whether one of them hits it. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                   const HYI_I(hyi_corner_all) corners[3], HYI_MW out) {
-    uint32_t left = ~HYI_BITSW(out) & HYI_ALLW;
-    bool found = left && swarm->any && !swarm->site.asks_alpha && HYI_I(hyi_stop_certain)(swarm, packet, corners, out, &left);
-    if (left && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, corners, left)) found = true;
-    return found;
+/* Of the rays in mask, those that have not found the same triangle in another leaf: spatial splits put it into several. */
+HYI_FN uint32_t HYI_I(hyi_new_to_rays)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
+    const uint32_t *ids = swarm->site.bvh->ids;
+    uint32_t primitive = ids[hyi_leaf_first(leaf) + triangle], left = mask;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask), other = packet->leaf.word[lane];
+        if (other && ids[hyi_leaf_first(other) + packet->triangle.word[lane]] == primitive) left &= ~(1u << lane);
+    }
+    return left;
+}
+
+/* Works out the hits that the rays in mask have put off. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
+    for (mask &= packet->waiting; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        packet->waiting &= ~(1u << lane);
+        (void)HYI_I(hyi_decide_for_all)(swarm, packet, packet->leaf.word[lane], packet->triangle.word[lane], 1u << lane);
+    }
+}
+
+/* Puts a word where the mask says. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW where, uint32_t word) {
+    hyi_lane_words all;
+    all.word[0] = word;
+    HYI_STOREW(words->bits, HYI_CHOOSEW(where, HYI_SETW(all.bits[0]), HYI_LOADW(words->bits)));
+}
+
+/* hyi_expect, for all rays; returns those of mask, which holds all that are certain, for which the triangle is not certainly
+   nearer than all before. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
+    HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
+    HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
+    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_I(hyi_size_all)(most)));
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
+    HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
+    HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
+    HYI_I(hyi_put_word)(&packet->triangle, nearer, triangle);
+    packet->waiting |= HYI_BITSW(nearer);
+    return mask & ~HYI_BITSW(nearer);
+}
+
+/* Offers a triangle to the rays that may hit it. Returns whether one of them does. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_meeting) *m, bool any) {
+    uint32_t left = m->possible;
+    if (!swarm->site.asks_alpha) {
+        HYI_I(hyi_verdict_all) verdict;
+        HYI_I(hyi_judge_all)(packet, m, &verdict);
+        left &= ~verdict.missed;
+        if (!left) return false;
+        uint32_t open = left;
+        if (any) {
+            open &= ~HYI_BITSW(HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(packet->best_t))));
+            HYI_I(hyi_stop_rays)(swarm, packet, left & ~open);
+        } else {
+            open = HYI_I(hyi_expect_all)(packet, leaf, triangle, &verdict, left);
+        }
+        if (!open) return true;
+        open = HYI_I(hyi_new_to_rays)(swarm, packet, leaf, triangle, open);
+        HYI_I(hyi_settle_rays)(swarm, packet, open);
+        return (open && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, open)) || open != left;
+    }
+    return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
+}
+
+/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit: those whose corners do not lie all
+   on one side of all rays along an axis of the sheared frames. Rounding is monotone, so what is greater for all rays before
+   it is not less after. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t count = hyi_leaf_count(leaf);
+    HYI_F8 low[2], high[2], zero = HYI_ZERO8();
+    for (uint32_t k = 0; k < 3u; k++) {
+        HYI_F8 z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[2]) * count), HYI_SET8(p->origin[2][0])));
+        for (uint32_t a = 0; a < 2u; a++) {
+            HYI_F8 d = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[a]) * count), HYI_SET8(p->origin[a][0])));
+            HYI_F8 one = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_low[a]), z)), other = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_high[a]), z));
+            HYI_F8 least = HYI_SUB8(d, HYI_MAX8(one, other)), most = HYI_SUB8(d, HYI_MIN8(one, other));
+            low[a] = k ? HYI_MIN8(low[a], least) : least;
+            high[a] = k ? HYI_MAX8(high[a], most) : most;
+        }
+    }
+    HYI_M8 beside = HYI_OR8(HYI_OR8(HYI_LT8(zero, low[0]), HYI_LT8(high[0], zero)), HYI_OR8(HYI_LT8(zero, low[1]), HYI_LT8(high[1], zero)));
+    return ~HYI_BITS8(beside) & ((1u << count) - 1u);
 }
 
 /* node, c: where the leaf hangs; NULL: nowhere. */
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
-                                                    const hyi_node *node, uint32_t c) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
+                                                   const hyi_node *node, uint32_t c, bool any) {
     uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
         bool found = false;
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
-        for (uint32_t t = 0; t < triangles; t++) {
-            HYI_I(hyi_corner_all) corners[3];
-            HYI_I(hyi_shear_triangle)(swarm, packet, leaf, t, corners);
-            if (HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, HYI_I(hyi_miss_triangle_all)(packet, corners))) found = true;
+        uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
+        for (; some; some &= some - 1u) {
+            uint32_t t = hyi_lowest_bit(some);
+            HYI_I(hyi_meeting) m;
+            HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
+            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_any)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, true);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_closest)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, false);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
+    else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
+}
+
+/* ---- working out what was found */
+
+/* The triangles that a packet found, and who found each. */
+typedef struct HYI_I(hyi_finds) {
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t count;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
+} HYI_I(hyi_finds);
+
+/* Rays of a packet find few triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
+    finds->count = 0;
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = packet->leaf.word[lane];
+        finds->triangle[k] = packet->triangle.word[lane];
+        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
+        left &= ~finds->lanes[k];
+    }
+}
+
+/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                   const uint32_t axis[3], HYI_FW rows[9]) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (uint32_t f = 0; f < finds->count; f++) {
+        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
+        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+    }
+}
+
+/* The planes of as many triangles as there are lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+    HYI_FD e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        plane->corner[i] = HYI_HALFD(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
+    }
+    plane->z[0] = HYI_HALFD(rows[5], half);
+    plane->z[1] = HYI_HALFD(rows[8], half);
+}
+
+/* Works out all hits of a packet. */
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    uint32_t axis[3];
+    hyi_group_axes(packet->group, axis);
+    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    if (finds->count == 0) return;
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(rows, half, &plane);
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(finds->t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
     }
 }
 
@@ -12823,7 +14245,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
-        if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
+        packet->shear_low[a] = HYI_LEASTW(shear);
+        packet->shear_high[a] = HYI_GREATESTW(shear);
+        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
         low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
@@ -12846,157 +14270,61 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
         packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
     }
+    HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
+    packet->waiting = 0;
     packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
 }
 
-/* Whether |v| <= limit in all lanes; what is not a number is not. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_all_within)(const float *v, float limit) {
-    HYI_FW size = HYI_MAXW(HYI_LOADW(v), HYI_SUBW(HYI_ZEROW(), HYI_LOADW(v)));
-    return HYI_BITSW(HYI_LEW(size, HYI_SETW(limit))) == HYI_ALLW;
+HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
+    for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
 }
 
-/* What directions have in common: see hyi_aim_group; false: they differ in that, or in size by far. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(float d[3][HYI_PACKET_WIDTH], uint32_t *group) {
-    HYI_FW zero = HYI_ZEROW(), size[3];
-    *group = 0;
-    for (uint32_t a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(d[a]);
-        uint32_t falls = HYI_BITSW(HYI_LTW(v, zero));
-        if ((falls != 0u && falls != HYI_ALLW) || !HYI_I(hyi_all_within)(d[a], 1073741824.0f)) return false;
-        *group |= (falls ? 1u : 0u) << a;
-        size[a] = HYI_MAXW(v, HYI_SUBW(zero, v));
-    }
-    uint32_t y = HYI_BITSW(HYI_LTW(size[0], size[1])), z = HYI_BITSW(HYI_LTW(HYI_MAXW(size[0], size[1]), size[2]));
-    if ((z != 0u && z != HYI_ALLW) || (z == 0u && y != 0u && y != HYI_ALLW)) return false;
-    HYI_FW largest = HYI_MAXW(HYI_MAXW(size[0], size[1]), size[2]);
-    *group |= (z ? 2u : y ? 1u : 0u) << 3;
-    return HYI_LEASTW(largest) >= 9.31322574615478515625e-10f;
-}
-
-/* hyi_aim_shear for all lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
-    for (int half = 0; half < 2; half++) {
-        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
-        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
-        HYI_STOREH(packet->inverse_z, half, t_by_z);
-        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
+HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
+    uint32_t left = HYI_ALLW;
+    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
+    for (; left; left &= left - 1u) {
+        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
+        if (answers->told) hyi_tell_miss(&answers->told[ray]);
+        else hyi_answer_miss(&answers->hits[ray]);
     }
 }
 
-/* What packets and flights have in common of HYI_LANES rays, by their numbers; false: they are of several groups, unsound,
-   or of uncommon size. o, inverse: by axis of space. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
-                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    float d[3][HYI_PACKET_WIDTH], words[8][HYI_PACKET_WIDTH];
-    uint32_t axis[3];
-    HYI_RAY_WORDS(rays, numbers, words);
-    HYI_FW scale = HYI_SETW(bvh->scale);
-    for (uint32_t a = 0; a < 3; a++) {
-        HYI_STOREW(o[a], HYI_MULW(HYI_LOADW(words[a]), scale));
-        HYI_STOREW(d[a], HYI_MULW(HYI_LOADW(words[4u + a]), scale));
-    }
-    HYI_STOREW(packet->t_min, HYI_LOADW(words[3]));
-    HYI_STOREW(packet->best_t, HYI_LOADW(words[7]));
-    if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
-    HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
-    bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
-    if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
-    hyi_group_axes(packet->group, axis);
-    for (int a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(d[a]);
-        if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
-        v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
-        HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
-        HYI_STOREW(packet->origin[a], HYI_LOADW(o[axis[a]]));
-        HYI_STOREW(packet->direction[a], HYI_LOADW(d[axis[a]]));
-    }
-    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
-    HYI_STOREW(packet->best_t, limit);
-    HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
-    HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
-    HYI_I(hyi_shear_packet)(packet);
-    return true;
-}
-
-/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        packet->ray[i] = first + i;
-        packet->instance[i] = packet->primitive[i] = HYK_NONE;
-    }
-    packet->count = HYI_LANES;
-    return HYI_I(hyi_load_rays)(swarm->site.bvh, swarm->rays, packet->ray, packet, o, inverse) &&
-           HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
-}
-
-/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t group, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH],
-                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
-    HYI_FW reach[3], zero = HYI_ZEROW();
-    for (int a = 0; a < 3; a++) {
-        HYI_FW below = HYI_SUBW(HYI_LOADW(o[a]), HYI_SETW(box->lower[a])), above = HYI_SUBW(HYI_SETW(box->upper[a]), HYI_LOADW(o[a]));
-        reach[a] = HYI_MAXW(HYI_MAXW(below, HYI_SUBW(zero, below)), HYI_MAXW(above, HYI_SUBW(zero, above)));
-    }
-    for (int a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(o[a]), size = HYI_MAXW(v, HYI_SUBW(zero, v)), back = HYI_SUBW(zero, HYI_LOADW(inverse[a]));
-        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], reach[group >> 3])), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
-        bound = (group >> a & 1u) ? HYI_SUBW(zero, bound) : bound;
-        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
-        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+    const hyi_accel *accel = swarm->site.accel;
+    hyk_hit hit;
+    hydra_hit told;
+    hit.t = hit.u = hit.v = 0.0f;
+    hit.instance = swarm->site.instance;
+    hit.primitive = finds->primitive[f];
+    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
+    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
+    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
+        hit.t = finds->t[lane];
+        hit.u = finds->u[lane];
+        hit.v = finds->v[lane];
+        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
+        else answers->hits[ray] = hit;
     }
 }
 
-/* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
-    uint32_t plane[3][HYI_PACKET_WIDTH], axes[3][HYI_PACKET_WIDTH], none[HYI_PACKET_WIDTH] = {0}, axis[3];
-    hyi_packet p;
-    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &p, o, inverse)) return false;
-    HYI_I(hyi_offset_lanes)(&bvh->scaled, p.group, o, inverse, near_offset, far_offset);
-    hyi_group_axes(p.group, axis);
-    for (uint32_t a = 0; a < 3; a++) {
-        for (uint32_t i = 0; i < HYI_LANES; i++) {
-            plane[a][i] = 2u * a + (p.group >> a & 1u);
-            axes[a][i] = axis[a];
-        }
-    }
-    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
-                             p.t_near, p.t_far, plane[0], plane[1], plane[2], p.inverse_z, p.best_t};
-    const void *triangles[16] = {p.origin[0], p.origin[1], p.origin[2], p.shear[0], p.shear[1], axes[0], axes[1], axes[2],
-                                 p.direction[0], p.direction[1], p.direction[2], none, none, none, none, none};
-    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
-    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyi_flight *flight = &flights[i];
-        flight->aim.t_by_z = p.t_by_z[i];
-        flight->aim.unit = flight->aim.inverse_unit = 1.0;
-        flight->best.t = p.best_t[i];
-        flight->best.u = flight->best.v = 0.0f;
-        flight->best.instance = flight->best.primitive = HYK_NONE;
-        flight->t_min = p.t_min[i];
-        flight->ray = &rays[numbers[i]];
-    }
-    return true;
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
+    hyi_answers to = *answers;
+    HYI_I(hyi_finds) finds;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
+    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
-    for (uint32_t i = 0; i < packet->count; i++) {
-        bool found = packet->instance[i] != HYK_NONE;
-        if (occluded) {
-            occluded[packet->ray[i]] = found ? 1 : 0;
-            continue;
-        }
-        hyk_hit *hit = &hits[packet->ray[i]];
-        double inverse = found ? hyi_rounded_double(1.0 / packet->weights[2][i]) : 0.0;
-        hit->t = found ? packet->best_t[i] : -1.0f;
-        hit->u = found ? (float)(packet->weights[0][i] * inverse) : 0.0f;
-        hit->v = found ? (float)(packet->weights[1][i] * inverse) : 0.0f;
-        hit->instance = packet->instance[i];
-        hit->primitive = packet->primitive[i];
-        hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+/* Answers the rays of count packets. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
+        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
+        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
     }
 }
 
@@ -13019,10 +14347,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->t_min[i] = flight->t_min;
         packet->t_near[i] = aim->t_near;
         packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
-        packet->best_t[i] = flight->best.t;
+        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
         packet->instance[i] = flight->best.instance;
         packet->primitive[i] = flight->best.primitive;
-        packet->weights[2][i] = 0.0;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
         packet->ray[i] = rays[i < count ? i : 0u];
     }
     packet->count = count;
@@ -13030,17 +14358,209 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
 
-/* Sum 0 stands for a hit that is not the packet's own. */
-HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
-    for (uint32_t i = 0; i < packet->count; i++) {
-        hyi_best *best = &swarm->flights[packet->ray[i]].best;
-        best->instance = packet->instance[i];
-        if (packet->weights[2][i] == 0.0) continue;
-        double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
-        best->t = packet->best_t[i];
-        best->u = (float)(packet->weights[0][i] * inverse);
-        best->v = (float)(packet->weights[1][i] * inverse);
-        best->primitive = packet->primitive[i];
+/* Hits that are not the packet's own are the flights' already. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    HYI_I(hyi_finds) finds;
+    for (uint32_t i = 0; i < packet->count; i++) swarm->flights[packet->ray[i]].best.instance = packet->instance[i];
+    if (swarm->any) return;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) {
+        for (uint32_t left = finds.lanes[f] & ((1u << packet->count) - 1u); left; left &= left - 1u) {
+            uint32_t lane = hyi_lowest_bit(left);
+            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
+            flight->best.t = finds.t[lane];
+            flight->best.u = finds.u[lane];
+            flight->best.v = finds.v[lane];
+            flight->best.instance = swarm->site.instance;
+            flight->best.primitive = finds.primitive[f];
+            flight->leaf = finds.leaf[f];
+            flight->lane = finds.triangle[f];
+        }
+    }
+}
+/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
+
+typedef struct HYI_I(hyi_block) {
+    HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
+    HYI_FW t_min, t_limit;
+    HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
+} HYI_I(hyi_block);
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
+
+/* Bits of lanes that are within -limit and limit; what is not a number is not. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
+    return HYI_BITSW(HYI_LEW(HYI_I(hyi_size_all)(v), HYI_SETW(limit)));
+}
+
+/* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_ray *rays, HYI_I(hyi_block) *block) {
+    float words[8][HYI_PACKET_WIDTH];
+    HYI_RAY_WORDS(rays, words);
+    HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
+    block->t_min = HYI_LOADW(words[3]);
+    block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, FLT_MAX) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    for (uint32_t a = 0; a < 3; a++) {
+        block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
+        block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
+        block->size[a] = HYI_I(hyi_size_all)(block->direction[a]);
+        block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
+        fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
+    }
+    HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
+    block->y = HYI_LTW(block->size[0], block->size[1]);
+    block->z = HYI_LTW(of_two, block->size[2]);
+    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
+}
+
+/* Whether the directions have in common what hyi_aim_group says. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(const HYI_I(hyi_block) *block, uint32_t *group) {
+    uint32_t y = HYI_BITSW(block->y), z = HYI_BITSW(block->z);
+    *group = (z ? 2u : y ? 1u : 0u) << 3;
+    for (uint32_t a = 0; a < 3; a++) {
+        uint32_t falls = HYI_BITSW(block->falls[a]);
+        if (falls != 0u && falls != HYI_ALLW) return false;
+        *group |= (falls ? 1u : 0u) << a;
+    }
+    return z == HYI_ALLW || (z == 0u && (y == 0u || y == HYI_ALLW));
+}
+
+/* Of values by axis of space, that of axis k in the sheared frame of each ray: see hyi_aim_shear. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_turn)(const HYI_I(hyi_block) *block, const HYI_FW v[3], uint32_t k) {
+    return HYI_CHOOSEW(block->z, v[k], HYI_CHOOSEW(block->y, v[(k + 2u) % 3u], v[(k + 1u) % 3u]));
+}
+
+/* hyi_aim_shear for all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
+    for (int half = 0; half < 2; half++) {
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_STOREH(packet->inverse_z, half, t_by_z);
+        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
+    }
+}
+
+/* What packets and flights have in common. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_FW sign = HYI_CHOOSEW(block->falls[a], HYI_SETW(-1.0f), HYI_SETW(1.0f));
+        HYI_STOREW(o[a], block->origin[a]);
+        HYI_STOREW(inverse[a], HYI_DIVW(sign, HYI_MAXW(block->size[a], HYI_SETW(HYI_STEADY))));
+        HYI_STOREW(packet->origin[a], HYI_I(hyi_turn)(block, block->origin, a));
+        HYI_STOREW(packet->direction[a], HYI_I(hyi_turn)(block, block->direction, a));
+    }
+    HYI_STOREW(packet->t_min, block->t_min);
+    HYI_STOREW(packet->best_t, block->t_limit);
+    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_I(hyi_size_all)(block->t_min), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_I(hyi_size_all)(block->t_limit), slack)));
+    HYI_I(hyi_shear_packet)(packet);
+}
+
+/* Makes a packet of rays first, first + 1, ... of what was filled in; false: they are too different. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packet, uint32_t first,
+                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    if (!HYI_I(hyi_find_group)(block, &packet->group) || !HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
+    packet->count = HYI_LANES;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
+    }
+    return true;
+}
+
+/* ---- flights */
+
+/* hyi_reach for all lanes. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW origin, int axis, bool loose) {
+    HYI_FW lower = HYI_SETW(box->lower[axis]), upper = HYI_SETW(box->upper[axis]);
+    HYI_FW below = HYI_I(hyi_size_all)(HYI_SUBW(lower, origin)), above = HYI_I(hyi_size_all)(HYI_SUBW(upper, origin));
+    if (!loose) return HYI_MAXW(below, above);
+    HYI_FW larger = HYI_MAXW(HYI_I(hyi_size_all)(lower), HYI_I(hyi_size_all)(upper));
+    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_I(hyi_size_all)(origin)));
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+    HYI_FW reach[3];
+    for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
+    HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = block->origin[a], size = HYI_I(hyi_size_all)(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
+        bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
+        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
+        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+    }
+}
+
+/* A whole number in all lanes: these are only moved, and chosen from. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
+    float bits;
+    memcpy(&bits, &value, sizeof bits);
+    return HYI_SETW(bits);
+}
+
+/* hyi_aim.near_plane and .axis of all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, float plane[3][HYI_PACKET_WIDTH], float axis[3][HYI_PACKET_WIDTH]) {
+    const HYI_FW axes[3] = {HYI_I(hyi_whole)(0), HYI_I(hyi_whole)(1), HYI_I(hyi_whole)(2)};
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(2u * a + 1u), HYI_I(hyi_whole)(2u * a)));
+        HYI_STOREW(axis[a], HYI_I(hyi_turn)(block, axes, a));
+    }
+}
+
+/* Flights of rays first, first + 1, ... of what was filled into a packet. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
+                                                  const hyk_ray *rays, hyi_flight *flights) {
+    float near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
+    float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
+    static const uint32_t none[HYI_PACKET_WIDTH] = {0};
+    hyi_flight blank;
+    memset(&blank, 0, sizeof blank);
+    blank.aim.unit = blank.aim.inverse_unit = 1.0;
+    blank.best.instance = blank.best.primitive = HYK_NONE;
+    for (uint32_t i = 0; i < HYI_LANES; i++) flights[i] = blank;
+    HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
+    HYI_I(hyi_name_axes)(block, plane, axis);
+    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
+                             p->t_near, p->t_far, plane[0], plane[1], plane[2], p->inverse_z, p->best_t};
+    const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
+                                 p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &flights[i];
+        flight->aim.t_by_z = p->t_by_z[i];
+        flight->best.t = p->best_t[i];
+        flight->t_min = p->t_min[i];
+        flight->ray = &rays[i];
+    }
+}
+
+/* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
+   are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
+HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
+                                             uint32_t count, hyi_begun *begun) {
+    for (uint32_t first; (first = begun->rays) < count && begun->packets < stream->packet_share; begun->rays += HYI_LANES) {
+        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        hyi_packet *packet = &stream->packets[begun->packets];
+        HYI_I(hyi_block) block;
+        if (some < HYI_LANES || !HYI_I(hyi_load_block)(site->bvh, rays + first, &block)) {
+            hyi_begin_each(site, stream, rays, answers, first, some, begun);
+            continue;
+        }
+        HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
+        if (site->bvh->rows && HYI_I(hyi_pack_rays)(site->bvh, &block, packet, first, o, inverse)) {
+            begun->packets++;
+            continue;
+        }
+        HYI_I(hyi_cut_flights)(site->bvh, &block, packet, inverse, rays + first, stream->flights + begun->flights);
+        begun->flights += HYI_LANES;
     }
 }
 /* ---- many rays (expanded once for each instruction set)
@@ -13053,12 +14573,13 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, const hyi_node *node, uint32_t c, uint32_t *list, uint32_t count) {
-    float x = node->planes[swarm->near_plane[0]][c], y = node->planes[swarm->near_plane[1]][c], z = node->planes[swarm->near_plane[2]][c];
     uint32_t kept = 0;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t ray = list[i];
         const hyi_aim *aim = &swarm->flights[ray].aim;
-        float tx = x * aim->inverse[0] + aim->near_offset[0], ty = y * aim->inverse[1] + aim->near_offset[1], tz = z * aim->inverse[2] + aim->near_offset[2];
+        float tx = node->planes[aim->near_plane[0]][c] * aim->inverse[0] + aim->near_offset[0];
+        float ty = node->planes[aim->near_plane[1]][c] * aim->inverse[1] + aim->near_offset[1];
+        float tz = node->planes[aim->near_plane[2]][c] * aim->inverse[2] + aim->near_offset[2];
         float enter = tx > ty ? tx : ty;
         enter = tz > enter ? tz : enter;
         list[kept] = ray;
@@ -13067,15 +14588,20 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     return kept;
 }
 
+/* Which children a flight, or a packet, meets, and where it enters them. planes: what all packets of a list meet. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, const hyi_node *node, uint32_t item, HYI_I(hyi_planes) *planes, HYI_F8 *enter, bool packets) {
+    if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
+    const hyi_aim *aim = &swarm->flights[item].aim;
+    HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
+    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter);
+}
+
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                            uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    for (int a = 0; a < 3; a++) {
-        planes.near_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a]]);
-        planes.far_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a] ^ 1u]);
-    }
+    if (packets) HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += HYI_DEAL) {
         uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
         HYI_MASKS masks;
@@ -13083,8 +14609,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_nod
         for (uint32_t i = 0; i < some; i++) {
             HYI_F8 enter;
             uint32_t item = list[first + i];
-            HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
-                                  : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
+            HYI_M8 mask = HYI_I(hyi_meet_children)(swarm, node, item, &planes, &enter, packets);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
             if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
@@ -13224,64 +14749,71 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
         if (some > HYI_LANES / 2u && HYI_I(hyi_pack_flights)(swarm, &swarm->packets[made], rays + first, some)) made++;
         else
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
+        if (made < swarm->stream->packet_share && first + some < count) continue;
+        for (uint32_t i = 0; i < made; i++) space[i] = i;
+        if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+        for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
+        made = 0;
     }
-    for (uint32_t i = 0; i < made; i++) space[i] = i;
-    if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
-    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
     return others;
+}
+
+/* The same of all count flights, by groups; the others are listed in others. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32_t count, uint32_t *others, uint32_t *space) {
+    uint32_t first[HYI_RAY_GROUPS + 1], rest = 0;
+    uint8_t *keys = (uint8_t *)(void *)space;
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm->flights[i].aim);
+    hyi_group(keys, count, others, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        if (first[g + 1] == first[g]) continue;
+        hyi_set_group(swarm, g);
+        uint32_t left = HYI_I(hyi_run_alike)(swarm, others + first[g], first[g + 1] - first[g], space);
+        memmove(others + rest, others + first[g], left * sizeof *others);
+        rest += left;
+    }
+    return rest;
 }
 
 /* Sends the first count flights (deep: of those in instances) through the tree of site. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
     hyi_swarm swarm;
-    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
-    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
     swarm.stream = stream;
     swarm.rays = NULL;
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
-    swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
+    swarm.packets = stream->packets;
     swarm.any = any;
     if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
-    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm.flights[i].aim);
-    hyi_group(keys, count, order, first);
-    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
-        uint32_t *rays = order + first[g], some = first[g + 1] - first[g];
-        hyi_set_group(&swarm, g);
-        if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
-        if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
-    }
+    if (deep) rest = HYI_I(hyi_run_alike_all)(&swarm, count, space, space + room);
+    else
+        for (uint32_t i = 0; i < count; i++) space[i] = i;
+    if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
     for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
 }
 
-/* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
-                                                     uint8_t *occluded, uint32_t count, uint32_t *others, uint8_t *keys) {
+/* Answers count rays, at most capacity. Returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_begun begun = {0, 0, 0, true};
     hyi_swarm swarm;
-    uint32_t made = 0, rest = 0;
     swarm.site = *site;
     swarm.stream = stream;
     swarm.rays = rays;
     swarm.flights = NULL;
     swarm.packets = stream->packets;
-    swarm.any = occluded != NULL;
-    for (uint32_t first = 0; first < count; first += HYI_LANES) {
-        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
-            made++;
-            continue;
-        }
-        for (uint32_t i = first; i < first + some; i++) {
-            others[rest] = i;
-            keys[rest++] = hyi_direction_key(hyi_load_ray(&rays[i]).direction);
-        }
+    swarm.any = answers->occluded != NULL;
+    while (begun.rays < count) {
+        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, &begun);
+        if (begun.packets) HYI_I(hyi_run_packets)(&swarm, begun.packets, stream->lists);
+        HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
+        begun.packets = 0;
     }
-    if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
-    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
-    return rest;
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, false, swarm.any);
+    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
+    return begun.sound;
 }
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
@@ -13296,10 +14828,12 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
+#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
 #undef HYI_CHOOSE4
+#undef HYI_CHOOSEW
 #undef HYI_CLEAR_MASKS
 #undef HYI_D2
 #undef HYI_DEAL
@@ -13311,6 +14845,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
+#undef HYI_FLIGHT_BEGIN
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
@@ -13344,12 +14879,16 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_MASKS
 #undef HYI_MAX2
 #undef HYI_MAX4
+#undef HYI_MAX4_AS_INTS
 #undef HYI_MAX8
+#undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
 #undef HYI_MIN2
 #undef HYI_MIN4
+#undef HYI_MIN4_AS_INTS
 #undef HYI_MIN8
+#undef HYI_MIN8_AS_INTS
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
@@ -13367,12 +14906,16 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_PIN8
 #undef HYI_PIND
 #undef HYI_PINW
+#undef HYI_SAME4
+#undef HYI_SAMEW
 #undef HYI_SET2
 #undef HYI_SET4
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_SIGNED4
+#undef HYI_SIZE4
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -13441,11 +14984,14 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_MAD4(a, b, c) vfmaq_f32(c, a, b)
 #define HYI_MIN4(a, b) vminq_f32(a, b)
 #define HYI_MAX4(a, b) vmaxq_f32(a, b)
+#define HYI_MAX4_AS_INTS(a, b) HYI_MAX4(a, b) /* as soon done */
+#define HYI_MIN4_AS_INTS(a, b) HYI_MIN4(a, b)
 #define HYI_LT4(a, b) vcltq_f32(a, b)
 #define HYI_LE4(a, b) vcleq_f32(a, b)
 #define HYI_AND4(a, b) vandq_u32(a, b)
 #define HYI_OR4(a, b) vorrq_u32(a, b)
 #define HYI_CHOOSE4(m, a, b) vbslq_f32(m, a, b)
+#define HYI_SAME4(a, b) vceqq_u32(vreinterpretq_u32_f32(a), vreinterpretq_u32_f32(b))
 #define HYI_BITS4_4(low, high) hyi_bits4_4_neon(low, high)
 #define HYI_PIN4(a) hyi_pin4_neon(a)
 #define HYI_GREATEST4(a) vmaxvq_f32(a)
@@ -13466,6 +15012,9 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_LT2(a, b) vcltq_f64(a, b)
 #define HYI_BITS2_2(low, high) hyi_bits2_2_neon(low, high)
 #define HYI_PIN2(a) hyi_pin2_neon(a)
+#define HYI_BITS4(m) (hyi_bits4_4_neon(m, m) & 15u)
+#define HYI_SIZE4(a) vabsq_f32(a)
+#define HYI_SIGNED4(size, of) vbslq_f32(vdupq_n_u32(0x80000000u), of, size)
 /* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
    for four floats and two doubles) */
 
@@ -13494,8 +15043,11 @@ HYI_PAIR(mul8, f8, f8, HYI_MUL4)
 HYI_PAIR(div8, f8, f8, HYI_DIV4)
 HYI_PAIR(min8, f8, f8, HYI_MIN4)
 HYI_PAIR(max8, f8, f8, HYI_MAX4)
+HYI_PAIR(max8_as_ints, f8, f8, HYI_MAX4_AS_INTS)
+HYI_PAIR(min8_as_ints, f8, f8, HYI_MIN4_AS_INTS)
 HYI_PAIR(lt8, m8, f8, HYI_LT4)
 HYI_PAIR(le8, m8, f8, HYI_LE4)
+HYI_PAIR(same8, m8, f8, HYI_SAME4)
 HYI_PAIR(and8, m8, m8, HYI_AND4)
 HYI_PAIR(or8, m8, m8, HYI_OR4)
 HYI_PAIR(add_doubles, d4, d4, HYI_ADD2)
@@ -13543,6 +15095,12 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_mad8)(HYI_I(hyi_f8) a, HYI_I(hyi_f
 HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_pin8)(HYI_I(hyi_f8) a) {
     a.low = HYI_PIN4(a.low);
     a.high = HYI_PIN4(a.high);
+    return a;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_choose8)(HYI_I(hyi_m8) m, HYI_I(hyi_f8) a, HYI_I(hyi_f8) b) {
+    a.low = HYI_CHOOSE4(m.low, a.low, b.low);
+    a.high = HYI_CHOOSE4(m.high, a.high, b.high);
     return a;
 }
 
@@ -13621,6 +15179,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
 #define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
 #define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
+#define HYI_MAX8_AS_INTS(a, b) HYI_I(hyi_max8_as_ints)(a, b)
+#define HYI_MIN8_AS_INTS(a, b) HYI_I(hyi_min8_as_ints)(a, b)
 #define HYI_LT8(a, b) HYI_I(hyi_lt8)(a, b)
 #define HYI_LE8(a, b) HYI_I(hyi_le8)(a, b)
 #define HYI_AND8(a, b) HYI_I(hyi_and8)(a, b)
@@ -13628,7 +15188,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
 #define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
-#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words(rays, numbers, words, 8u)
+#define HYI_RAY_WORDS(rays, words) hyi_ray_words(rays, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
@@ -13646,8 +15206,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
 #define HYI_LEW(a, b) HYI_LE8(a, b)
+#define HYI_CHOOSEW(m, a, b) HYI_I(hyi_choose8)(m, a, b)
 #define HYI_ANDW(a, b) HYI_AND8(a, b)
 #define HYI_ORW(a, b) HYI_OR8(a, b)
+#define HYI_SAMEW(a, b) HYI_I(hyi_same8)(a, b)
 #define HYI_BITSW(m) HYI_BITS8(m)
 #define HYI_PINW(a) HYI_PIN8(a)
 #define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
@@ -13669,10 +15231,77 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAXD(a, b) HYI_I(hyi_max_doubles)(a, b)
 #define HYI_LTD(a, b) HYI_I(hyi_lt_doubles)(a, b)
 #define HYI_PIND(a) HYI_I(hyi_pin_doubles)(a)
+/* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
+   words: HYI_F4 is four floats) */
+
+/* hyi_aim_slabs for a tree of triangles. The fourth of what is loaded and stored belongs to what comes after it in bvh and in
+   aim: it is not used there, and overwritten here. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z) {
+    const float *lower = bvh->scaled.lower, *upper = lower + 3;
+    float reaches[4];
+    HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
+    HYI_STORE4(reaches, reach);
+    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
+    HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
+    bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
+    HYI_STORE4(aim->inverse, inverse);
+    HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
+    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
+}
+
+/* The largest component of a direction, without a branch, which would be guessed wrong half of the time. bits: of floats. */
+HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
+    uint32_t x = bits[0] & 0x7fffffffu, y = bits[1] & 0x7fffffffu, z = bits[2] & 0x7fffffffu;
+    uint32_t z_wins = (uint32_t)(z > x) & (uint32_t)(z > y);
+    return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
+}
+
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
+    float origin[4], direction[4];
+    HYI_STORE4(origin, o);
+    HYI_STORE4(direction, d);
+    HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
+    aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
+    aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
+    aim->axis[0] = 0x09u >> 2u * z & 3u; /* 1, 2, 0 */
+    aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
+    aim->axis[2] = z;
+    for (uint32_t a = 0; a < 3; a++) {
+        aim->near_plane[a] = 2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u);
+        aim->origin[a] = origin[aim->axis[a]];
+        aim->direction[a] = direction[aim->axis[a]];
+    }
+    hyi_aim_along(aim);
+    aim->unit = aim->inverse_unit = 1.0;
+}
+
+/* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
+   or in a tree of boxes. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
+    uint32_t bits[8];
+    float t_min, t_max, direction[4];
+    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
+    memcpy(&t_min, &bits[3], sizeof t_min);
+    memcpy(&t_max, &bits[7], sizeof t_max);
+    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
+    uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
+    HYI_STORE4(direction, d);
+    float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
+    if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
+    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(1099511627776.0f))) != 15u || !bvh->rows) return false;
+    hyi_flight_clear(flight, ray, t_min, limit);
+    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
+    return true;
+}
+
+#define HYI_FLIGHT_BEGIN(flight, bvh, ray) (HYI_I(hyi_begin_most)(flight, bvh, ray) || hyi_begin_any(flight, bvh, ray))
 /* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
    HYI_PIN8 keeps values as rounded) */
 
-/* Eight boxes against one ray; the planes come in the order in which it meets them. */
+/* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
+   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
+   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
@@ -13681,8 +15310,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
-    *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
-    return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
+    return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
 
 /* Bits of the children that the ray meets, and where it enters them. */
@@ -13877,12 +15506,26 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
         HYI_I(hyi_walk_boxes)(site->bvh, flight, at, HYI_I(hyi_visit_instance), &of);
     }
 }
+
+/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
+    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
+    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
+    return true;
+}
 /* ---- packets of alike rays (expanded once for each instruction set) */
 
-/* The planes of a node in the order in which the rays of a swarm meet them. */
+/* The planes of a node in the order in which rays meet them. */
 typedef struct HYI_I(hyi_planes) {
     HYI_F8 near_planes[3], far_planes[3];
 } HYI_I(hyi_planes);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_order_planes)(const hyi_node *node, const uint32_t near_plane[3], HYI_I(hyi_planes) *planes) {
+    for (int a = 0; a < 3; a++) {
+        planes->near_planes[a] = HYI_LOAD8(node->planes[near_plane[a]]);
+        planes->far_planes[a] = HYI_LOAD8(node->planes[near_plane[a] ^ 1u]);
+    }
+}
 
 /* Eight boxes against the bounds of a packet: no ray of it enters earlier than enter, or leaves later. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, const HYI_I(hyi_planes) *planes, HYI_F8 *enter) {
@@ -13928,67 +15571,85 @@ typedef struct HYI_I(hyi_corner_all) {
     HYI_FW x, y, z;
 } HYI_I(hyi_corner_all);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_lanes)(const hyi_packet *p, HYI_FW x, HYI_FW y, HYI_FW z) {
     HYI_I(hyi_corner_all) c;
-    c.z = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[2] * stride]), HYI_LOADW(p->origin[2])));
-    HYI_FW dx = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[0] * stride]), HYI_LOADW(p->origin[0])));
-    HYI_FW dy = HYI_PINW(HYI_SUBW(HYI_SETW(row[axis[1] * stride]), HYI_LOADW(p->origin[1])));
+    c.z = HYI_PINW(HYI_SUBW(z, HYI_LOADW(p->origin[2])));
+    HYI_FW dx = HYI_PINW(HYI_SUBW(x, HYI_LOADW(p->origin[0])));
+    HYI_FW dy = HYI_PINW(HYI_SUBW(y, HYI_LOADW(p->origin[1])));
     c.x = HYI_PINW(HYI_SUBW(dx, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[0]), c.z))));
     c.y = HYI_PINW(HYI_SUBW(dy, HYI_PINW(HYI_MULW(HYI_LOADW(p->shear[1]), c.z))));
     return c;
+}
+
+/* A corner that is the same for all. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_corner_all) HYI_I(hyi_shear_all)(const hyi_packet *p, const uint32_t *axis, const float *row, uint32_t stride) {
+    return HYI_I(hyi_shear_lanes)(p, HYI_SETW(row[axis[0] * stride]), HYI_SETW(row[axis[1] * stride]), HYI_SETW(row[axis[2] * stride]));
 }
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_cross_all)(HYI_I(hyi_corner_all) p, HYI_I(hyi_corner_all) q) {
     return HYI_SUBW(HYI_PINW(HYI_MULW(p.x, q.y)), HYI_PINW(HYI_MULW(p.y, q.x)));
 }
 
-/* Which rays certainly miss one triangle: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_miss_triangle_all)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3]) {
-    HYI_I(hyi_corner_all) p = corners[0], q = corners[1], r = corners[2];
-    HYI_FW a = HYI_I(hyi_cross_all)(r, q), b = HYI_I(hyi_cross_all)(p, r), c = HYI_I(hyi_cross_all)(q, p);
-    HYI_MW below = HYI_LTW(HYI_MINW(HYI_MINW(a, b), c), HYI_ZEROW());
-    HYI_MW above = HYI_LTW(HYI_ZEROW(), HYI_MAXW(HYI_MAXW(a, b), c));
-    HYI_FW scale = HYI_LOADW(packet->inverse_z);
-    HYI_FW ta = HYI_MULW(p.z, scale), tb = HYI_MULW(q.z, scale), tc = HYI_MULW(r.z, scale);
-    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), HYI_MINW(HYI_MINW(ta, tb), tc));
-    HYI_MW early = HYI_LTW(HYI_MAXW(HYI_MAXW(ta, tb), tc), HYI_LOADW(packet->t_near));
-    return HYI_ORW(HYI_ANDW(below, above), HYI_ORW(late, early));
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
+                                                     HYI_I(hyi_corner_all) corners[3]) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf) + triangle;
+    uint32_t count = hyi_leaf_count(leaf);
+    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * count, count);
+}
+
+/* One triangle to all rays: the edge functions w, t at the corners, and which rays may hit it. */
+typedef struct HYI_I(hyi_meeting) {
+    HYI_I(hyi_corner_all) corners[3];
+    HYI_FW w[3], least_w, most_w, t[3], first, last;
+    uint32_t possible;
+} HYI_I(hyi_meeting);
+
+/* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    HYI_I(hyi_corner_all) *k = m->corners;
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, k);
+    m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
+    m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
+    m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
+    m->least_w = HYI_MINW(HYI_MINW(m->w[0], m->w[1]), m->w[2]);
+    m->most_w = HYI_MAXW(HYI_MAXW(m->w[0], m->w[1]), m->w[2]);
+    HYI_MW outside = HYI_ANDW(HYI_LTW(m->least_w, HYI_ZEROW()), HYI_LTW(HYI_ZEROW(), m->most_w));
+    for (int i = 0; i < 3; i++) m->t[i] = HYI_MULW(k[i].z, HYI_LOADW(packet->inverse_z));
+    m->first = HYI_MINW(HYI_MINW(m->t[0], m->t[1]), m->t[2]);
+    m->last = HYI_MAXW(HYI_MAXW(m->t[0], m->t[1]), m->t[2]);
+    HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), m->first), early = HYI_LTW(m->last, HYI_LOADW(packet->t_near));
+    m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
 }
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
 
-/* Of one triangle that rays may hit but those in out, where any hit does: stops the rays that certainly hit it; left: the
-   others, without those that turn out to miss it. hyi_judge_triangles, for all rays. Returns whether it stopped any. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_stop_certain)(const hyi_swarm *swarm, hyi_packet *packet, const HYI_I(hyi_corner_all) k[3], HYI_MW out, uint32_t *left) {
-    HYI_FW zero = HYI_ZEROW(), scale = HYI_LOADW(packet->inverse_z), t_near = HYI_LOADW(packet->t_near), t_far = HYI_LOADW(packet->t_far);
-    HYI_FW a = HYI_I(hyi_cross_all)(k[2], k[1]), b = HYI_I(hyi_cross_all)(k[0], k[2]), c = HYI_I(hyi_cross_all)(k[1], k[0]);
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(a, b), c), size = HYI_I(hyi_size_all)(sum), across = zero, along = zero;
-    HYI_FW ta = HYI_MULW(k[0].z, scale), tb = HYI_MULW(k[1].z, scale), tc = HYI_MULW(k[2].z, scale);
-    HYI_FW first = HYI_MINW(HYI_MINW(ta, tb), tc), last = HYI_MAXW(HYI_MAXW(ta, tb), tc);
+/* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
+typedef struct HYI_I(hyi_verdict_all) {
+    HYI_FW least, most;
+    HYI_MW certain;
+    uint32_t missed;
+} HYI_I(hyi_verdict_all);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const HYI_I(hyi_meeting) *m, HYI_I(hyi_verdict_all) *verdict) {
+    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero, along = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_I(hyi_size_all)(sum);
     for (int i = 0; i < 3; i++) {
-        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(k[i].x), HYI_I(hyi_size_all)(k[i].y)));
-        along = HYI_MAXW(along, HYI_I(hyi_size_all)(k[i].z));
+        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(m->corners[i].x), HYI_I(hyi_size_all)(m->corners[i].y)));
+        along = HYI_MAXW(along, HYI_I(hyi_size_all)(m->corners[i].z));
     }
     HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
-    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(a, ta), HYI_MULW(b, tb)), HYI_MULW(c, tc)), inverse);
-    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(first), HYI_I(hyi_size_all)(last));
-    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(last, first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
-    HYI_FW least = HYI_SUBW(mean, error), most = HYI_ADDW(mean, error);
-    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, HYI_MINW(HYI_MINW(a, b), c)), HYI_LTW(HYI_MAXW(HYI_MAXW(a, b), c), zero));
+    HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(m->w[0], m->t[0]), HYI_MULW(m->w[1], m->t[1])), HYI_MULW(m->w[2], m->t[2])), inverse);
+    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(m->first), HYI_I(hyi_size_all)(m->last));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    verdict->least = HYI_SUBW(mean, error);
+    verdict->most = HYI_ADDW(mean, error);
+    HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, m->least_w), HYI_LTW(m->most_w, zero));
     HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
     HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
     known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
-    HYI_MW missed = HYI_ANDW(known, HYI_ORW(HYI_LTW(most, t_near), HYI_LTW(t_far, least)));
     HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
-    HYI_MW hit = HYI_ANDW(HYI_ANDW(known, HYI_LEW(from, least)), HYI_LTW(most, HYI_LOADW(packet->best_t)));
-    uint32_t stopped = HYI_BITSW(hit) & ~HYI_BITSW(out);
-    *left = HYI_ALLW & ~(stopped | HYI_BITSW(HYI_ORW(out, missed)));
-    if (stopped == 0) return false;
-    for (uint32_t some = stopped; some; some &= some - 1u) {
-        packet->t_far[hyi_lowest_bit(some)] = -FLT_MAX;
-        packet->instance[hyi_lowest_bit(some)] = swarm->site.instance;
-    }
-    return true;
+    verdict->missed = HYI_BITSW(HYI_ANDW(known, HYI_ORW(HYI_LTW(verdict->most, t_near), HYI_LTW(HYI_LOADW(packet->t_far), verdict->least))));
+    verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
 
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
@@ -13996,19 +15657,29 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, H
     return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
 }
 
-HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const double n[3], const HYI_FD v[3]) {
-    HYI_FD first = HYI_PIND(HYI_MULD(HYI_SETD(n[0]), v[0])), second = HYI_PIND(HYI_MULD(HYI_SETD(n[1]), v[1]));
-    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(HYI_SETD(n[2]), v[2]))));
+HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const HYI_FD n[3], const HYI_FD v[3]) {
+    HYI_FD first = HYI_PIND(HYI_MULD(n[0], v[0])), second = HYI_PIND(HYI_MULD(n[1], v[1]));
+    return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(n[2], v[2]))));
 }
 
-/* What hyi_confirm works out, for half of a packet: t and the edge functions; the bits of those that are hit. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3], const double corner[3],
-                                                       const double n[3], const double z[3], int half, double t[8], double weights[3][8]) {
-    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0);
+/* The plane of a triangle, or of one a lane, as hyi_plane_distance works it out: a corner, the normal, and z of the others. */
+typedef struct HYI_I(hyi_plane_half) {
+    HYI_FD corner[3], n[3], z[2];
+} HYI_I(hyi_plane_half);
+
+/* What hyi_confirm works out, for half of a packet. */
+typedef struct HYI_I(hyi_outcome_half) {
+    HYI_FD t, b, c, sum; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
+    uint32_t hit;        /* bits of the rays that hit */
+} HYI_I(hyi_outcome_half);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
+                                                   const HYI_I(hyi_plane_half) *plane, int half, HYI_I(hyi_outcome_half) *outcome) {
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_HALFD(HYI_LOADW(packet->origin[2]), half);
     for (int i = 0; i < 3; i++) {
         x[i] = HYI_HALFD(corners[i].x, half);
         y[i] = HYI_HALFD(corners[i].y, half);
-        to_corner[i] = HYI_PIND(HYI_SUBD(HYI_SETD(corner[i]), HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
+        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
         direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
     }
     HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
@@ -14016,37 +15687,46 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_half)(const hyi_packet *packet,
     HYI_FD c = HYI_I(hyi_cross_exact_half)(x[1], y[1], x[0], y[0]);
     uint32_t below = HYI_LTD(HYI_MIND(HYI_MIND(a, b), c), zero), above = HYI_LTD(zero, HYI_MAXD(HYI_MAXD(a, b), c));
     HYI_FD sum = HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(a, b)), c));
-    HYI_FD across = HYI_I(hyi_sum_products_half)(n, direction);
-    HYI_FD plane = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(n, to_corner), across));
+    HYI_FD across = HYI_I(hyi_sum_products_half)(plane->n, direction);
+    HYI_FD distance = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(plane->n, to_corner), across));
     HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
     HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
-    for (int i = 1; i < 3; i++) {
-        HYI_FD to = HYI_PIND(HYI_SUBD(HYI_SETD(z[i]), HYI_HALFD(HYI_LOADW(packet->origin[2]), half)));
-        HYI_FD at = HYI_PIND(HYI_MULD(to, t_by_z));
+    for (int i = 0; i < 2; i++) {
+        HYI_FD at = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i], origin_z)), t_by_z));
         least = HYI_MIND(at, least);
         most = HYI_MAXD(at, most);
     }
-    HYI_STORED(t, HYI_MIND(most, HYI_MAXD(least, plane))); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
-    HYI_STORED(weights[0], b);
-    HYI_STORED(weights[1], c);
-    HYI_STORED(weights[2], sum);
-    return ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+    outcome->t = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
+    outcome->b = b;
+    outcome->c = c;
+    outcome->sum = sum;
+    outcome->hit = ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
 }
 
-/* The plane of a triangle as hyi_plane_distance works it out: a corner and the normal. */
-HYI_INLINE void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, double corner[3], double n[3]) {
+/* u and v of a hit, by half. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_weights)(const HYI_I(hyi_outcome_half) *outcome, int half, float *u, float *v) {
+    HYI_FD inverse = HYI_PIND(HYI_DIVD(HYI_SETD(1.0), outcome->sum));
+    HYI_STOREH(u, half, HYI_MULD(outcome->b, inverse));
+    HYI_STOREH(v, half, HYI_MULD(outcome->c, inverse));
+}
+
+/* One triangle's plane for all rays. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_plane_all)(const uint32_t *axis, const float *rows, uint32_t stride, HYI_I(hyi_plane_half) *plane) {
     double e[3], f[3];
     for (int i = 0; i < 3; i++) {
         const float *row = rows + axis[i] * stride;
-        corner[i] = (double)row[0];
-        e[i] = hyi_rounded_double((double)row[3u * stride] - corner[i]);
-        f[i] = hyi_rounded_double((double)row[6u * stride] - corner[i]);
+        double corner = (double)row[0];
+        plane->corner[i] = HYI_SETD(corner);
+        e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
+        f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
     }
-    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+    for (int i = 0; i < 3; i++) plane->n[i] = HYI_SETD(hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]));
+    for (uint32_t k = 0; k < 2; k++) plane->z[k] = HYI_SETD((double)rows[(3u * k + 3u + axis[2]) * stride]);
 }
 
 /* Takes a confirmed hit of one ray if it is the best. */
-HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t primitive, float t, const double weights[3]) {
+HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t leaf, uint32_t triangle, float t, float u, float v) {
+    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
     hyi_best best;
     best.t = packet->best_t[lane];
     best.instance = packet->instance[lane];
@@ -14054,68 +15734,239 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
     if (!(t >= packet->t_min[lane]) || !hyi_beats(&best, t, swarm->site.instance, primitive)) return false;
     if (swarm->site.asks_alpha) {
         const hyk_ray *ray = swarm->rays ? &swarm->rays[packet->ray[lane]] : swarm->flights[packet->ray[lane]].ray;
-        double inverse = hyi_rounded_double(1.0 / weights[2]);
-        if (hyi_lets_pass(&swarm->site, ray, primitive, (float)(weights[0] * inverse), (float)(weights[1] * inverse))) return false;
+        if (hyi_lets_pass(&swarm->site, ray, primitive, u, v)) return false;
     }
-    packet->best_t[lane] = t;
+    packet->best_t[lane] = packet->least_t[lane] = t;
     packet->instance[lane] = swarm->site.instance;
     packet->primitive[lane] = primitive;
-    for (int i = 0; i < 3; i++) packet->weights[i][lane] = weights[i];
+    packet->leaf.word[lane] = leaf;
+    packet->triangle.word[lane] = triangle;
     packet->t_far[lane] = swarm->any ? -FLT_MAX : t + 4.0f * HYI_ULP * fabsf(t);
     return true;
 }
 
-/* Decides on triangle number t of a leaf for the rays in mask. Returns whether one of them was hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                   const HYI_I(hyi_corner_all) corners[3], uint32_t mask) {
-    double corner[3], n[3], z[3];
-    for (uint32_t k = 0; k < 3; k++) z[k] = (double)hyi_leaf_rows(swarm->site.bvh, leaf)[(3u * k + swarm->axis[2]) * hyi_leaf_count(leaf) + triangle];
-    uint32_t primitive = swarm->site.bvh->ids[hyi_leaf_first(leaf) + triangle];
+/* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
+    HYI_I(hyi_corner_all) corners[3];
+    HYI_I(hyi_plane_half) plane;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
-    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), corner, n);
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, corners);
+    HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_outcome_half) outcome;
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
-        double t[8], weights[3][8];
-        if (some) some &= HYI_I(hyi_confirm_half)(packet, corners, corner, n, z, half, t, weights);
-        for (; some; some &= some - 1u) {
-            uint32_t lane = hyi_lowest_bit(some);
-            const double w[3] = {weights[0][lane], weights[1][lane], weights[2][lane]};
-            if ((float)t[lane] <= packet->best_t[base + lane] && HYI_I(hyi_take_hit)(swarm, packet, base + lane, primitive, (float)t[lane], w)) found = true;
+        if (!some) continue;
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(t, half, outcome.t);
+        if (swarm->site.asks_alpha) HYI_I(hyi_store_weights)(&outcome, half, u, v);
+        for (some &= outcome.hit; some; some &= some - 1u) {
+            uint32_t lane = base + hyi_lowest_bit(some);
+            if (t[lane] <= packet->best_t[lane] && HYI_I(hyi_take_hit)(swarm, packet, lane, leaf, triangle, t[lane], u[lane], v[lane])) found = true;
         }
     }
     return found;
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangle)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                     HYI_I(hyi_corner_all) corners[3]) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
-    uint32_t triangles = hyi_leaf_count(leaf);
-    for (uint32_t k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_all)(packet, swarm->axis, rows + 3u * k * triangles + triangle, triangles);
+/* ---- hits that float is certain of */
+
+/* Where any hit does: the rays in mask are done. */
+HYI_INLINE void HYI_I(hyi_stop_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
+    for (; mask; mask &= mask - 1u) {
+        packet->t_far[hyi_lowest_bit(mask)] = -FLT_MAX;
+        packet->instance[hyi_lowest_bit(mask)] = swarm->site.instance;
+    }
 }
 
-/* Offers triangle number t of a leaf to all rays but those in out, which miss it. Returns whether one of them hits it. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle,
-                                                   const HYI_I(hyi_corner_all) corners[3], HYI_MW out) {
-    uint32_t left = ~HYI_BITSW(out) & HYI_ALLW;
-    bool found = left && swarm->any && !swarm->site.asks_alpha && HYI_I(hyi_stop_certain)(swarm, packet, corners, out, &left);
-    if (left && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, corners, left)) found = true;
-    return found;
+/* Of the rays in mask, those that have not found the same triangle in another leaf: spatial splits put it into several. */
+HYI_FN uint32_t HYI_I(hyi_new_to_rays)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
+    const uint32_t *ids = swarm->site.bvh->ids;
+    uint32_t primitive = ids[hyi_leaf_first(leaf) + triangle], left = mask;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask), other = packet->leaf.word[lane];
+        if (other && ids[hyi_leaf_first(other) + packet->triangle.word[lane]] == primitive) left &= ~(1u << lane);
+    }
+    return left;
+}
+
+/* Works out the hits that the rays in mask have put off. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t mask) {
+    for (mask &= packet->waiting; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        packet->waiting &= ~(1u << lane);
+        (void)HYI_I(hyi_decide_for_all)(swarm, packet, packet->leaf.word[lane], packet->triangle.word[lane], 1u << lane);
+    }
+}
+
+/* Puts a word where the mask says. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW where, uint32_t word) {
+    hyi_lane_words all;
+    all.word[0] = word;
+    HYI_STOREW(words->bits, HYI_CHOOSEW(where, HYI_SETW(all.bits[0]), HYI_LOADW(words->bits)));
+}
+
+/* hyi_expect, for all rays; returns those of mask, which holds all that are certain, for which the triangle is not certainly
+   nearer than all before. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
+    HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
+    HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
+    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_I(hyi_size_all)(most)));
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
+    HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
+    HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
+    HYI_I(hyi_put_word)(&packet->triangle, nearer, triangle);
+    packet->waiting |= HYI_BITSW(nearer);
+    return mask & ~HYI_BITSW(nearer);
+}
+
+/* Offers a triangle to the rays that may hit it. Returns whether one of them does. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_meeting) *m, bool any) {
+    uint32_t left = m->possible;
+    if (!swarm->site.asks_alpha) {
+        HYI_I(hyi_verdict_all) verdict;
+        HYI_I(hyi_judge_all)(packet, m, &verdict);
+        left &= ~verdict.missed;
+        if (!left) return false;
+        uint32_t open = left;
+        if (any) {
+            open &= ~HYI_BITSW(HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(packet->best_t))));
+            HYI_I(hyi_stop_rays)(swarm, packet, left & ~open);
+        } else {
+            open = HYI_I(hyi_expect_all)(packet, leaf, triangle, &verdict, left);
+        }
+        if (!open) return true;
+        open = HYI_I(hyi_new_to_rays)(swarm, packet, leaf, triangle, open);
+        HYI_I(hyi_settle_rays)(swarm, packet, open);
+        return (open && HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, open)) || open != left;
+    }
+    return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
+}
+
+/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit: those whose corners do not lie all
+   on one side of all rays along an axis of the sheared frames. Rounding is monotone, so what is greater for all rays before
+   it is not less after. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t count = hyi_leaf_count(leaf);
+    HYI_F8 low[2], high[2], zero = HYI_ZERO8();
+    for (uint32_t k = 0; k < 3u; k++) {
+        HYI_F8 z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[2]) * count), HYI_SET8(p->origin[2][0])));
+        for (uint32_t a = 0; a < 2u; a++) {
+            HYI_F8 d = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[a]) * count), HYI_SET8(p->origin[a][0])));
+            HYI_F8 one = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_low[a]), z)), other = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_high[a]), z));
+            HYI_F8 least = HYI_SUB8(d, HYI_MAX8(one, other)), most = HYI_SUB8(d, HYI_MIN8(one, other));
+            low[a] = k ? HYI_MIN8(low[a], least) : least;
+            high[a] = k ? HYI_MAX8(high[a], most) : most;
+        }
+    }
+    HYI_M8 beside = HYI_OR8(HYI_OR8(HYI_LT8(zero, low[0]), HYI_LT8(high[0], zero)), HYI_OR8(HYI_LT8(zero, low[1]), HYI_LT8(high[1], zero)));
+    return ~HYI_BITS8(beside) & ((1u << count) - 1u);
 }
 
 /* node, c: where the leaf hangs; NULL: nowhere. */
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
-                                                    const hyi_node *node, uint32_t c) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
+                                                   const hyi_node *node, uint32_t c, bool any) {
     uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
         bool found = false;
         if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
-        for (uint32_t t = 0; t < triangles; t++) {
-            HYI_I(hyi_corner_all) corners[3];
-            HYI_I(hyi_shear_triangle)(swarm, packet, leaf, t, corners);
-            if (HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, corners, HYI_I(hyi_miss_triangle_all)(packet, corners))) found = true;
+        uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
+        for (; some; some &= some - 1u) {
+            uint32_t t = hyi_lowest_bit(some);
+            HYI_I(hyi_meeting) m;
+            HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
+            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_any)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, true);
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_closest)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, false);
+}
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
+    else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
+}
+
+/* ---- working out what was found */
+
+/* The triangles that a packet found, and who found each. */
+typedef struct HYI_I(hyi_finds) {
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t count;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
+} HYI_I(hyi_finds);
+
+/* Rays of a packet find few triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
+    finds->count = 0;
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = packet->leaf.word[lane];
+        finds->triangle[k] = packet->triangle.word[lane];
+        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
+        left &= ~finds->lanes[k];
+    }
+}
+
+/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                   const uint32_t axis[3], HYI_FW rows[9]) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (uint32_t f = 0; f < finds->count; f++) {
+        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
+        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+    }
+}
+
+/* The planes of as many triangles as there are lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+    HYI_FD e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        plane->corner[i] = HYI_HALFD(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
+    }
+    plane->z[0] = HYI_HALFD(rows[5], half);
+    plane->z[1] = HYI_HALFD(rows[8], half);
+}
+
+/* Works out all hits of a packet. */
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    uint32_t axis[3];
+    hyi_group_axes(packet->group, axis);
+    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    if (finds->count == 0) return;
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(rows, half, &plane);
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(finds->t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
     }
 }
 
@@ -14128,7 +15979,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
-        if (!(HYI_GREATESTW(shear) - HYI_LEASTW(shear) <= HYI_PACKET_SLOPES)) return false;
+        packet->shear_low[a] = HYI_LEASTW(shear);
+        packet->shear_high[a] = HYI_GREATESTW(shear);
+        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
         low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
@@ -14151,157 +16004,61 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
         packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
     }
+    HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
+    packet->waiting = 0;
     packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
 }
 
-/* Whether |v| <= limit in all lanes; what is not a number is not. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_all_within)(const float *v, float limit) {
-    HYI_FW size = HYI_MAXW(HYI_LOADW(v), HYI_SUBW(HYI_ZEROW(), HYI_LOADW(v)));
-    return HYI_BITSW(HYI_LEW(size, HYI_SETW(limit))) == HYI_ALLW;
+HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
+    for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
 }
 
-/* What directions have in common: see hyi_aim_group; false: they differ in that, or in size by far. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(float d[3][HYI_PACKET_WIDTH], uint32_t *group) {
-    HYI_FW zero = HYI_ZEROW(), size[3];
-    *group = 0;
-    for (uint32_t a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(d[a]);
-        uint32_t falls = HYI_BITSW(HYI_LTW(v, zero));
-        if ((falls != 0u && falls != HYI_ALLW) || !HYI_I(hyi_all_within)(d[a], 1073741824.0f)) return false;
-        *group |= (falls ? 1u : 0u) << a;
-        size[a] = HYI_MAXW(v, HYI_SUBW(zero, v));
-    }
-    uint32_t y = HYI_BITSW(HYI_LTW(size[0], size[1])), z = HYI_BITSW(HYI_LTW(HYI_MAXW(size[0], size[1]), size[2]));
-    if ((z != 0u && z != HYI_ALLW) || (z == 0u && y != 0u && y != HYI_ALLW)) return false;
-    HYI_FW largest = HYI_MAXW(HYI_MAXW(size[0], size[1]), size[2]);
-    *group |= (z ? 2u : y ? 1u : 0u) << 3;
-    return HYI_LEASTW(largest) >= 9.31322574615478515625e-10f;
-}
-
-/* hyi_aim_shear for all lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
-    for (int half = 0; half < 2; half++) {
-        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
-        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
-        HYI_STOREH(packet->inverse_z, half, t_by_z);
-        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
+HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
+    uint32_t left = HYI_ALLW;
+    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
+    for (; left; left &= left - 1u) {
+        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
+        if (answers->told) hyi_tell_miss(&answers->told[ray]);
+        else hyi_answer_miss(&answers->hits[ray]);
     }
 }
 
-/* What packets and flights have in common of HYI_LANES rays, by their numbers; false: they are of several groups, unsound,
-   or of uncommon size. o, inverse: by axis of space. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
-                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    float d[3][HYI_PACKET_WIDTH], words[8][HYI_PACKET_WIDTH];
-    uint32_t axis[3];
-    HYI_RAY_WORDS(rays, numbers, words);
-    HYI_FW scale = HYI_SETW(bvh->scale);
-    for (uint32_t a = 0; a < 3; a++) {
-        HYI_STOREW(o[a], HYI_MULW(HYI_LOADW(words[a]), scale));
-        HYI_STOREW(d[a], HYI_MULW(HYI_LOADW(words[4u + a]), scale));
-    }
-    HYI_STOREW(packet->t_min, HYI_LOADW(words[3]));
-    HYI_STOREW(packet->best_t, HYI_LOADW(words[7]));
-    if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
-    HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
-    bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
-    if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
-    hyi_group_axes(packet->group, axis);
-    for (int a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(d[a]);
-        if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
-        v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
-        HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
-        HYI_STOREW(packet->origin[a], HYI_LOADW(o[axis[a]]));
-        HYI_STOREW(packet->direction[a], HYI_LOADW(d[axis[a]]));
-    }
-    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
-    HYI_STOREW(packet->best_t, limit);
-    HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
-    HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
-    HYI_I(hyi_shear_packet)(packet);
-    return true;
-}
-
-/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        packet->ray[i] = first + i;
-        packet->instance[i] = packet->primitive[i] = HYK_NONE;
-    }
-    packet->count = HYI_LANES;
-    return HYI_I(hyi_load_rays)(swarm->site.bvh, swarm->rays, packet->ray, packet, o, inverse) &&
-           HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
-}
-
-/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t group, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH],
-                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
-    HYI_FW reach[3], zero = HYI_ZEROW();
-    for (int a = 0; a < 3; a++) {
-        HYI_FW below = HYI_SUBW(HYI_LOADW(o[a]), HYI_SETW(box->lower[a])), above = HYI_SUBW(HYI_SETW(box->upper[a]), HYI_LOADW(o[a]));
-        reach[a] = HYI_MAXW(HYI_MAXW(below, HYI_SUBW(zero, below)), HYI_MAXW(above, HYI_SUBW(zero, above)));
-    }
-    for (int a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(o[a]), size = HYI_MAXW(v, HYI_SUBW(zero, v)), back = HYI_SUBW(zero, HYI_LOADW(inverse[a]));
-        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], reach[group >> 3])), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
-        bound = (group >> a & 1u) ? HYI_SUBW(zero, bound) : bound;
-        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
-        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+    const hyi_accel *accel = swarm->site.accel;
+    hyk_hit hit;
+    hydra_hit told;
+    hit.t = hit.u = hit.v = 0.0f;
+    hit.instance = swarm->site.instance;
+    hit.primitive = finds->primitive[f];
+    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
+    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
+    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
+        hit.t = finds->t[lane];
+        hit.u = finds->u[lane];
+        hit.v = finds->v[lane];
+        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
+        else answers->hits[ray] = hit;
     }
 }
 
-/* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
-    uint32_t plane[3][HYI_PACKET_WIDTH], axes[3][HYI_PACKET_WIDTH], none[HYI_PACKET_WIDTH] = {0}, axis[3];
-    hyi_packet p;
-    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &p, o, inverse)) return false;
-    HYI_I(hyi_offset_lanes)(&bvh->scaled, p.group, o, inverse, near_offset, far_offset);
-    hyi_group_axes(p.group, axis);
-    for (uint32_t a = 0; a < 3; a++) {
-        for (uint32_t i = 0; i < HYI_LANES; i++) {
-            plane[a][i] = 2u * a + (p.group >> a & 1u);
-            axes[a][i] = axis[a];
-        }
-    }
-    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
-                             p.t_near, p.t_far, plane[0], plane[1], plane[2], p.inverse_z, p.best_t};
-    const void *triangles[16] = {p.origin[0], p.origin[1], p.origin[2], p.shear[0], p.shear[1], axes[0], axes[1], axes[2],
-                                 p.direction[0], p.direction[1], p.direction[2], none, none, none, none, none};
-    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
-    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyi_flight *flight = &flights[i];
-        flight->aim.t_by_z = p.t_by_z[i];
-        flight->aim.unit = flight->aim.inverse_unit = 1.0;
-        flight->best.t = p.best_t[i];
-        flight->best.u = flight->best.v = 0.0f;
-        flight->best.instance = flight->best.primitive = HYK_NONE;
-        flight->t_min = p.t_min[i];
-        flight->ray = &rays[numbers[i]];
-    }
-    return true;
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
+    hyi_answers to = *answers;
+    HYI_I(hyi_finds) finds;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
+    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, hyk_hit *hits, uint8_t *occluded) {
-    for (uint32_t i = 0; i < packet->count; i++) {
-        bool found = packet->instance[i] != HYK_NONE;
-        if (occluded) {
-            occluded[packet->ray[i]] = found ? 1 : 0;
-            continue;
-        }
-        hyk_hit *hit = &hits[packet->ray[i]];
-        double inverse = found ? hyi_rounded_double(1.0 / packet->weights[2][i]) : 0.0;
-        hit->t = found ? packet->best_t[i] : -1.0f;
-        hit->u = found ? (float)(packet->weights[0][i] * inverse) : 0.0f;
-        hit->v = found ? (float)(packet->weights[1][i] * inverse) : 0.0f;
-        hit->instance = packet->instance[i];
-        hit->primitive = packet->primitive[i];
-        hyi_locate_in_world(swarm->site.accel, &hit->instance, &hit->primitive);
+/* Answers the rays of count packets. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
+        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
+        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
     }
 }
 
@@ -14324,10 +16081,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->t_min[i] = flight->t_min;
         packet->t_near[i] = aim->t_near;
         packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
-        packet->best_t[i] = flight->best.t;
+        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
         packet->instance[i] = flight->best.instance;
         packet->primitive[i] = flight->best.primitive;
-        packet->weights[2][i] = 0.0;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
         packet->ray[i] = rays[i < count ? i : 0u];
     }
     packet->count = count;
@@ -14335,17 +16092,209 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
 
-/* Sum 0 stands for a hit that is not the packet's own. */
-HYI_INLINE void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
-    for (uint32_t i = 0; i < packet->count; i++) {
-        hyi_best *best = &swarm->flights[packet->ray[i]].best;
-        best->instance = packet->instance[i];
-        if (packet->weights[2][i] == 0.0) continue;
-        double inverse = hyi_rounded_double(1.0 / packet->weights[2][i]);
-        best->t = packet->best_t[i];
-        best->u = (float)(packet->weights[0][i] * inverse);
-        best->v = (float)(packet->weights[1][i] * inverse);
-        best->primitive = packet->primitive[i];
+/* Hits that are not the packet's own are the flights' already. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    HYI_I(hyi_finds) finds;
+    for (uint32_t i = 0; i < packet->count; i++) swarm->flights[packet->ray[i]].best.instance = packet->instance[i];
+    if (swarm->any) return;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) {
+        for (uint32_t left = finds.lanes[f] & ((1u << packet->count) - 1u); left; left &= left - 1u) {
+            uint32_t lane = hyi_lowest_bit(left);
+            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
+            flight->best.t = finds.t[lane];
+            flight->best.u = finds.u[lane];
+            flight->best.v = finds.v[lane];
+            flight->best.instance = swarm->site.instance;
+            flight->best.primitive = finds.primitive[f];
+            flight->leaf = finds.leaf[f];
+            flight->lane = finds.triangle[f];
+        }
+    }
+}
+/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
+
+typedef struct HYI_I(hyi_block) {
+    HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
+    HYI_FW t_min, t_limit;
+    HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
+} HYI_I(hyi_block);
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
+
+/* Bits of lanes that are within -limit and limit; what is not a number is not. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
+    return HYI_BITSW(HYI_LEW(HYI_I(hyi_size_all)(v), HYI_SETW(limit)));
+}
+
+/* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_ray *rays, HYI_I(hyi_block) *block) {
+    float words[8][HYI_PACKET_WIDTH];
+    HYI_RAY_WORDS(rays, words);
+    HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
+    block->t_min = HYI_LOADW(words[3]);
+    block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, FLT_MAX) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    for (uint32_t a = 0; a < 3; a++) {
+        block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
+        block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
+        block->size[a] = HYI_I(hyi_size_all)(block->direction[a]);
+        block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
+        fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
+    }
+    HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
+    block->y = HYI_LTW(block->size[0], block->size[1]);
+    block->z = HYI_LTW(of_two, block->size[2]);
+    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
+}
+
+/* Whether the directions have in common what hyi_aim_group says. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(const HYI_I(hyi_block) *block, uint32_t *group) {
+    uint32_t y = HYI_BITSW(block->y), z = HYI_BITSW(block->z);
+    *group = (z ? 2u : y ? 1u : 0u) << 3;
+    for (uint32_t a = 0; a < 3; a++) {
+        uint32_t falls = HYI_BITSW(block->falls[a]);
+        if (falls != 0u && falls != HYI_ALLW) return false;
+        *group |= (falls ? 1u : 0u) << a;
+    }
+    return z == HYI_ALLW || (z == 0u && (y == 0u || y == HYI_ALLW));
+}
+
+/* Of values by axis of space, that of axis k in the sheared frame of each ray: see hyi_aim_shear. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_turn)(const HYI_I(hyi_block) *block, const HYI_FW v[3], uint32_t k) {
+    return HYI_CHOOSEW(block->z, v[k], HYI_CHOOSEW(block->y, v[(k + 2u) % 3u], v[(k + 1u) % 3u]));
+}
+
+/* hyi_aim_shear for all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
+    for (int half = 0; half < 2; half++) {
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_STOREH(packet->inverse_z, half, t_by_z);
+        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
+    }
+}
+
+/* What packets and flights have in common. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_FW sign = HYI_CHOOSEW(block->falls[a], HYI_SETW(-1.0f), HYI_SETW(1.0f));
+        HYI_STOREW(o[a], block->origin[a]);
+        HYI_STOREW(inverse[a], HYI_DIVW(sign, HYI_MAXW(block->size[a], HYI_SETW(HYI_STEADY))));
+        HYI_STOREW(packet->origin[a], HYI_I(hyi_turn)(block, block->origin, a));
+        HYI_STOREW(packet->direction[a], HYI_I(hyi_turn)(block, block->direction, a));
+    }
+    HYI_STOREW(packet->t_min, block->t_min);
+    HYI_STOREW(packet->best_t, block->t_limit);
+    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_I(hyi_size_all)(block->t_min), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_I(hyi_size_all)(block->t_limit), slack)));
+    HYI_I(hyi_shear_packet)(packet);
+}
+
+/* Makes a packet of rays first, first + 1, ... of what was filled in; false: they are too different. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packet, uint32_t first,
+                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    if (!HYI_I(hyi_find_group)(block, &packet->group) || !HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
+    packet->count = HYI_LANES;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
+    }
+    return true;
+}
+
+/* ---- flights */
+
+/* hyi_reach for all lanes. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW origin, int axis, bool loose) {
+    HYI_FW lower = HYI_SETW(box->lower[axis]), upper = HYI_SETW(box->upper[axis]);
+    HYI_FW below = HYI_I(hyi_size_all)(HYI_SUBW(lower, origin)), above = HYI_I(hyi_size_all)(HYI_SUBW(upper, origin));
+    if (!loose) return HYI_MAXW(below, above);
+    HYI_FW larger = HYI_MAXW(HYI_I(hyi_size_all)(lower), HYI_I(hyi_size_all)(upper));
+    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_I(hyi_size_all)(origin)));
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+    HYI_FW reach[3];
+    for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
+    HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = block->origin[a], size = HYI_I(hyi_size_all)(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
+        bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
+        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
+        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+    }
+}
+
+/* A whole number in all lanes: these are only moved, and chosen from. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
+    float bits;
+    memcpy(&bits, &value, sizeof bits);
+    return HYI_SETW(bits);
+}
+
+/* hyi_aim.near_plane and .axis of all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, float plane[3][HYI_PACKET_WIDTH], float axis[3][HYI_PACKET_WIDTH]) {
+    const HYI_FW axes[3] = {HYI_I(hyi_whole)(0), HYI_I(hyi_whole)(1), HYI_I(hyi_whole)(2)};
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(2u * a + 1u), HYI_I(hyi_whole)(2u * a)));
+        HYI_STOREW(axis[a], HYI_I(hyi_turn)(block, axes, a));
+    }
+}
+
+/* Flights of rays first, first + 1, ... of what was filled into a packet. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
+                                                  const hyk_ray *rays, hyi_flight *flights) {
+    float near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
+    float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
+    static const uint32_t none[HYI_PACKET_WIDTH] = {0};
+    hyi_flight blank;
+    memset(&blank, 0, sizeof blank);
+    blank.aim.unit = blank.aim.inverse_unit = 1.0;
+    blank.best.instance = blank.best.primitive = HYK_NONE;
+    for (uint32_t i = 0; i < HYI_LANES; i++) flights[i] = blank;
+    HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
+    HYI_I(hyi_name_axes)(block, plane, axis);
+    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
+                             p->t_near, p->t_far, plane[0], plane[1], plane[2], p->inverse_z, p->best_t};
+    const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
+                                 p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &flights[i];
+        flight->aim.t_by_z = p->t_by_z[i];
+        flight->best.t = p->best_t[i];
+        flight->t_min = p->t_min[i];
+        flight->ray = &rays[i];
+    }
+}
+
+/* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
+   are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
+HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
+                                             uint32_t count, hyi_begun *begun) {
+    for (uint32_t first; (first = begun->rays) < count && begun->packets < stream->packet_share; begun->rays += HYI_LANES) {
+        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        hyi_packet *packet = &stream->packets[begun->packets];
+        HYI_I(hyi_block) block;
+        if (some < HYI_LANES || !HYI_I(hyi_load_block)(site->bvh, rays + first, &block)) {
+            hyi_begin_each(site, stream, rays, answers, first, some, begun);
+            continue;
+        }
+        HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
+        if (site->bvh->rows && HYI_I(hyi_pack_rays)(site->bvh, &block, packet, first, o, inverse)) {
+            begun->packets++;
+            continue;
+        }
+        HYI_I(hyi_cut_flights)(site->bvh, &block, packet, inverse, rays + first, stream->flights + begun->flights);
+        begun->flights += HYI_LANES;
     }
 }
 /* ---- many rays (expanded once for each instruction set)
@@ -14358,12 +16307,13 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, const hyi_node *node, uint32_t c, uint32_t *list, uint32_t count) {
-    float x = node->planes[swarm->near_plane[0]][c], y = node->planes[swarm->near_plane[1]][c], z = node->planes[swarm->near_plane[2]][c];
     uint32_t kept = 0;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t ray = list[i];
         const hyi_aim *aim = &swarm->flights[ray].aim;
-        float tx = x * aim->inverse[0] + aim->near_offset[0], ty = y * aim->inverse[1] + aim->near_offset[1], tz = z * aim->inverse[2] + aim->near_offset[2];
+        float tx = node->planes[aim->near_plane[0]][c] * aim->inverse[0] + aim->near_offset[0];
+        float ty = node->planes[aim->near_plane[1]][c] * aim->inverse[1] + aim->near_offset[1];
+        float tz = node->planes[aim->near_plane[2]][c] * aim->inverse[2] + aim->near_offset[2];
         float enter = tx > ty ? tx : ty;
         enter = tz > enter ? tz : enter;
         list[kept] = ray;
@@ -14372,15 +16322,20 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     return kept;
 }
 
+/* Which children a flight, or a packet, meets, and where it enters them. planes: what all packets of a list meet. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, const hyi_node *node, uint32_t item, HYI_I(hyi_planes) *planes, HYI_F8 *enter, bool packets) {
+    if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
+    const hyi_aim *aim = &swarm->flights[item].aim;
+    HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
+    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter);
+}
+
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                            uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    for (int a = 0; a < 3; a++) {
-        planes.near_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a]]);
-        planes.far_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a] ^ 1u]);
-    }
+    if (packets) HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += HYI_DEAL) {
         uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
         HYI_MASKS masks;
@@ -14388,8 +16343,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_nod
         for (uint32_t i = 0; i < some; i++) {
             HYI_F8 enter;
             uint32_t item = list[first + i];
-            HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
-                                  : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
+            HYI_M8 mask = HYI_I(hyi_meet_children)(swarm, node, item, &planes, &enter, packets);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
             if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
@@ -14529,64 +16483,71 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
         if (some > HYI_LANES / 2u && HYI_I(hyi_pack_flights)(swarm, &swarm->packets[made], rays + first, some)) made++;
         else
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
+        if (made < swarm->stream->packet_share && first + some < count) continue;
+        for (uint32_t i = 0; i < made; i++) space[i] = i;
+        if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+        for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
+        made = 0;
     }
-    for (uint32_t i = 0; i < made; i++) space[i] = i;
-    if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
-    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
     return others;
+}
+
+/* The same of all count flights, by groups; the others are listed in others. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32_t count, uint32_t *others, uint32_t *space) {
+    uint32_t first[HYI_RAY_GROUPS + 1], rest = 0;
+    uint8_t *keys = (uint8_t *)(void *)space;
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm->flights[i].aim);
+    hyi_group(keys, count, others, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        if (first[g + 1] == first[g]) continue;
+        hyi_set_group(swarm, g);
+        uint32_t left = HYI_I(hyi_run_alike)(swarm, others + first[g], first[g + 1] - first[g], space);
+        memmove(others + rest, others + first[g], left * sizeof *others);
+        rest += left;
+    }
+    return rest;
 }
 
 /* Sends the first count flights (deep: of those in instances) through the tree of site. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
     hyi_swarm swarm;
-    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
-    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
     swarm.stream = stream;
     swarm.rays = NULL;
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
-    swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
+    swarm.packets = stream->packets;
     swarm.any = any;
     if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
-    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm.flights[i].aim);
-    hyi_group(keys, count, order, first);
-    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
-        uint32_t *rays = order + first[g], some = first[g + 1] - first[g];
-        hyi_set_group(&swarm, g);
-        if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
-        if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
-    }
+    if (deep) rest = HYI_I(hyi_run_alike_all)(&swarm, count, space, space + room);
+    else
+        for (uint32_t i = 0; i < count; i++) space[i] = i;
+    if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
     for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
 }
 
-/* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits,
-                                                     uint8_t *occluded, uint32_t count, uint32_t *others, uint8_t *keys) {
+/* Answers count rays, at most capacity. Returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_begun begun = {0, 0, 0, true};
     hyi_swarm swarm;
-    uint32_t made = 0, rest = 0;
     swarm.site = *site;
     swarm.stream = stream;
     swarm.rays = rays;
     swarm.flights = NULL;
     swarm.packets = stream->packets;
-    swarm.any = occluded != NULL;
-    for (uint32_t first = 0; first < count; first += HYI_LANES) {
-        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
-            made++;
-            continue;
-        }
-        for (uint32_t i = first; i < first + some; i++) {
-            others[rest] = i;
-            keys[rest++] = hyi_direction_key(hyi_load_ray(&rays[i]).direction);
-        }
+    swarm.any = answers->occluded != NULL;
+    while (begun.rays < count) {
+        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, &begun);
+        if (begun.packets) HYI_I(hyi_run_packets)(&swarm, begun.packets, stream->lists);
+        HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
+        begun.packets = 0;
     }
-    if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
-    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], hits, occluded);
-    return rest;
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, false, swarm.any);
+    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
+    return begun.sound;
 }
 /* The words of one instruction set end here. */
 #undef HYI_ADD2
@@ -14601,10 +16562,12 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
+#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
 #undef HYI_CHOOSE4
+#undef HYI_CHOOSEW
 #undef HYI_CLEAR_MASKS
 #undef HYI_D2
 #undef HYI_DEAL
@@ -14616,6 +16579,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
+#undef HYI_FLIGHT_BEGIN
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
@@ -14649,12 +16613,16 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_MASKS
 #undef HYI_MAX2
 #undef HYI_MAX4
+#undef HYI_MAX4_AS_INTS
 #undef HYI_MAX8
+#undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
 #undef HYI_MIN2
 #undef HYI_MIN4
+#undef HYI_MIN4_AS_INTS
 #undef HYI_MIN8
+#undef HYI_MIN8_AS_INTS
 #undef HYI_MIN8_WHERE
 #undef HYI_MIND
 #undef HYI_MINW
@@ -14672,12 +16640,16 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_r
 #undef HYI_PIN8
 #undef HYI_PIND
 #undef HYI_PINW
+#undef HYI_SAME4
+#undef HYI_SAMEW
 #undef HYI_SET2
 #undef HYI_SET4
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_SIGNED4
+#undef HYI_SIZE4
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -14735,32 +16707,26 @@ HYI_INLINE void hyi_no_vectors(const void *site, ...) { (void)site; }
 
 #define HYI_STREAM_LISTS 40u /* words a ray: eight lists of all at the root, fewer at each level below */
 
-/* Rays a packet. */
-HYI_INLINE uint32_t hyi_isa_lanes(hydra_isa isa) { return isa == HYDRA_ISA_AVX512 ? 16u : 8u; }
-
 /* Sizes for calls of about count rays; capacity 0: none are needed. */
 HYI_INLINE hyi_ray_stream hyi_plan_ray_stream(const hyi_accel *accel, size_t count) {
     hyi_ray_stream stream;
-    uint32_t sorted = count < HYI_STREAM_SORTED ? (uint32_t)count : HYI_STREAM_SORTED;
     memset(&stream, 0, sizeof stream);
     if (accel->isa == HYDRA_ISA_SCALAR || accel->empty || count < HYI_STREAM_LEAST) return stream;
     stream.levels = accel->single ? 1u : 2u;
     stream.capacity = count < HYI_STREAM_RAYS ? ((uint32_t)count + 15u) & ~15u : HYI_STREAM_RAYS;
-    stream.packet_share = stream.capacity / hyi_isa_lanes(accel->isa) + HYI_RAY_GROUPS;
-    stream.sorted = sorted;
+    stream.packet_share = stream.capacity / 8u < HYI_STREAM_PACKETS ? stream.capacity / 8u : HYI_STREAM_PACKETS;
     stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + 2u * HYI_LIST_RESERVE;
     return stream;
 }
 
 /* Whole cache lines: flights begin after them. */
 HYI_INLINE size_t hyi_packets_bytes(const hyi_ray_stream *stream) {
-    return (stream->levels * stream->packet_share * sizeof *stream->packets + 63u) & ~(size_t)63u;
+    return (stream->packet_share * sizeof *stream->packets + 63u) & ~(size_t)63u;
 }
 
 HYI_INLINE size_t hyi_ray_stream_bytes(const hyi_ray_stream *stream) {
     if (stream->capacity == 0) return 0;
-    return hyi_packets_bytes(stream) + stream->levels * stream->capacity * sizeof *stream->flights +
-           (2u * (size_t)stream->sorted + stream->list_count) * sizeof(uint32_t) + stream->sorted;
+    return hyi_packets_bytes(stream) + stream->levels * stream->capacity * sizeof *stream->flights + stream->list_count * sizeof(uint32_t);
 }
 
 HYI_FN void hyi_ray_stream_free(hydra_context *context, hyi_ray_stream *stream) {
@@ -14772,165 +16738,92 @@ HYI_FN void hyi_ray_stream_free(hydra_context *context, hyi_ray_stream *stream) 
 HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel *accel, size_t count, hyi_ray_stream *stream) {
     void *block;
     *stream = hyi_plan_ray_stream(accel, count);
+    if (stream->capacity == 0) return HYDRA_OK;
     hydra_result result = hyi_try_alloc(context, hyi_ray_stream_bytes(stream), &block);
-    if (result != HYDRA_OK) memset(stream, 0, sizeof *stream);
-    if (stream->capacity == 0) return result;
+    if (result != HYDRA_OK) {
+        memset(stream, 0, sizeof *stream);
+        return result;
+    }
     stream->packets = (hyi_packet *)block;
     stream->flights = (hyi_flight *)(void *)((char *)block + hyi_packets_bytes(stream));
     stream->lists = (uint32_t *)(void *)(stream->flights + stream->levels * stream->capacity);
-    stream->order = stream->lists + stream->list_count;
-    stream->keys = (uint8_t *)(void *)(stream->order + 2u * stream->sorted);
     return HYDRA_OK;
 }
 
 /* ---- one by one */
 
-HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, hyk_hit *hit, uint8_t *occluded) {
-    if (occluded) *occluded = flight->best.instance != HYK_NONE;
-    else hyi_answer(accel, &flight->best, hit);
-}
-
 /* The tracing functions say whether all rays were sound. */
-HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
-    hyk_ray ray = hyi_load_ray(at);
-    return hyi_ray_is_sound(&ray);
+/* false: the ray meets nothing, and may be unsound. */
+HYI_INLINE bool hyi_trace_one(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
+    bool flies = false;
+    HYI_DISPATCH(site->accel->isa, flies = hyi_trace_one, (site, flight, ray, any))
+    return flies;
 }
 
-HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     hyi_site site = hyi_first_site(accel);
     bool sound = true;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
-        if (hyi_flight_begin(&flight, site.bvh, &rays[i], FLT_MAX)) {
-            HYI_DISPATCH(accel->isa, hyi_walk_scene, (&site, &flight, site.bvh->root, occluded != NULL))
-        } else {
-            sound = hyi_was_sound(&rays[i]) && sound;
-        }
-        hyi_tell(accel, &flight, hits ? &hits[i] : NULL, occluded ? &occluded[i] : NULL);
+        if (!hyi_trace_one(&site, &flight, &rays[i], answers->occluded != NULL)) sound = hyi_was_sound(&rays[i]) && sound;
+        hyi_tell(accel, &flight, answers, i);
     }
     return sound;
 }
 
 /* ---- streams */
 
-/* Begins the flights of some rays one by one; those that meet nothing are answered at once. Returns how many fly. */
-HYI_FN uint32_t hyi_begin_each(const hyi_site *site, hyi_flight *flights, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
-                               const uint32_t *order, uint32_t count, bool *sound) {
-    uint32_t flying = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t k = order[i];
-        if (hyi_flight_begin(&flights[flying], site->bvh, &rays[k], FLT_MAX)) {
-            flying++;
-        } else {
-            *sound = hyi_was_sound(&rays[k]) && *sound;
-            hyi_tell(site->accel, &flights[flying], hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
-        }
-    }
-    return flying;
-}
-
-/* count rays, at most capacity, by their numbers in order. */
-HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
-                            const uint32_t *order, uint32_t count) {
-    uint32_t flying = 0, lanes = hyi_isa_lanes(site->accel->isa);
-    bool sound = true;
-    for (uint32_t first = 0; first < count; first += lanes) {
-        uint32_t some = count - first < lanes ? count - first : lanes;
-        bool together = false;
-        for (uint32_t i = first + lanes; i < count && i < first + 2u * lanes; i++) hyi_prefetch(&rays[order[i]]);
-        if (some == lanes && site->bvh->rows)
-            HYI_DISPATCH_VECTOR(site->accel->isa, together = hyi_begin_flights, (site->bvh, rays, order + first, stream->flights + flying))
-        if (together) flying += lanes;
-        else flying += hyi_begin_each(site, stream->flights + flying, rays, hits, occluded, order + first, some, &sound);
-    }
-    HYI_DISPATCH_VECTOR(site->accel->isa, hyi_run_flights, (site, stream, flying, stream->lists, false, occluded != NULL))
-    for (uint32_t i = 0; i < flying; i++) {
-        const hyi_flight *flight = &stream->flights[i];
-        size_t k = (size_t)(flight->ray - rays);
-        hyi_tell(site->accel, flight, hits ? &hits[k] : NULL, occluded ? &occluded[k] : NULL);
-    }
-    return sound;
-}
-
-/* Rays by their numbers in others: sorted by direction, then a slice at a time. sorted: room for as many. */
-HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
-                             const uint32_t *others, uint32_t *sorted, uint32_t count) {
-    uint32_t starts[HYI_RAY_GROUPS + 1];
-    bool sound = true;
-    hyi_group(stream->keys, count, sorted, starts);
-    for (uint32_t i = 0; i < count; i++) sorted[i] = others[sorted[i]];
-    for (uint32_t at = 0; at < count; at += stream->capacity) {
-        uint32_t slice = count - at < stream->capacity ? count - at : stream->capacity;
-        sound = hyi_trace_slice(site, stream, rays, hits, occluded, sorted + at, slice) && sound;
-    }
-    return sound;
-}
-
-/* Up to HYI_STREAM_SORTED rays: the alike go in packets, the rest is listed in others, with its keys, and counted. */
-HYI_FN uint32_t hyi_trace_alike(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded,
-                                uint32_t count, uint32_t *others) {
-    uint32_t rest = 0;
-    for (uint32_t first = 0; first < count; first += stream->capacity) {
-        uint32_t some = count - first < stream->capacity ? count - first : stream->capacity, left = 0;
-        HYI_DISPATCH_VECTOR(site->accel->isa, left = hyi_run_alike_rays,
-                     (site, stream, rays + first, hits ? hits + first : NULL, occluded ? occluded + first : NULL, some, others + rest, stream->keys + rest))
-        for (uint32_t i = 0; i < left; i++) others[rest + i] += first;
-        rest += left;
-    }
-    return rest;
-}
-
-HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     hyi_site site = hyi_first_site(accel);
-    uint32_t room = stream->sorted, *others = stream->order, *sorted = others + room;
-    bool sound = true;
+    bool sound = true, whole = true;
     for (uint32_t first = 0, some; first < count; first += some) {
-        hyk_hit *at_hits = hits ? hits + first : NULL;
-        uint8_t *at_occluded = occluded ? occluded + first : NULL;
-        some = count - first < room ? count - first : room;
-        uint32_t rest = some;
-        if (site.bvh->rows) rest = hyi_trace_alike(&site, stream, rays + first, at_hits, at_occluded, some, others);
-        else
-            for (uint32_t i = 0; i < some; i++) {
-                others[i] = i;
-                stream->keys[i] = hyi_direction_key(hyi_load_ray(&rays[first + i]).direction);
-            }
-        sound = hyi_trace_others(&site, stream, rays + first, at_hits, at_occluded, others, sorted, rest) && sound;
+        hyi_answers from = hyi_answers_from(answers, first);
+        some = count - first < stream->capacity ? count - first : stream->capacity;
+        HYI_DISPATCH_VECTOR(accel->isa, whole = hyi_trace_slice, (&site, stream, rays + first, &from, some))
+        sound = sound && whole;
     }
     return sound;
 }
 
-HYI_FN bool hyi_trace_all(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
-    if (stream && stream->capacity && count >= HYI_STREAM_LEAST) return hyi_trace_stream(accel, stream, rays, hits, occluded, count);
-    return hyi_trace_singles(accel, rays, hits, occluded, count);
+HYI_FN bool hyi_trace_all(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    if (stream && stream->capacity && count >= HYI_STREAM_LEAST) return hyi_trace_stream(accel, stream, rays, answers, count);
+    return hyi_trace_singles(accel, rays, answers, count);
 }
 
-HYI_FN bool hyi_trace_nothing(const hyk_ray *rays, hyk_hit *hits, uint8_t *occluded, uint32_t count) {
+HYI_FN bool hyi_trace_nothing(const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     bool sound = true;
     for (uint32_t i = 0; i < count; i++) {
         sound = hyi_was_sound(&rays[i]) && sound;
-        if (occluded) {
-            occluded[i] = 0;
-            continue;
-        }
-        hits[i].t = -1.0f;
-        hits[i].u = hits[i].v = 0.0f;
-        hits[i].instance = hits[i].primitive = HYK_NONE;
+        if (answers->occluded) answers->occluded[i] = 0;
+        else if (answers->hits) hyi_answer_miss(&answers->hits[i]);
+        else hyi_tell_miss(&answers->told[i]);
     }
     return sound;
 }
 
-/* Closest hits of count rays on triangles: instance HYK_NONE and t -1 on a miss. Ties: smallest instance,
-   then primitive. Light shapes are not looked at. stream: NULL or memory that no one else uses meanwhile.
-   Rays are read by hyi_load_ray alone: they may be the caller's hydra_ray. Those that are not sound meet
-   nothing; false: there were some. */
-HYI_FN bool hyi_trace_closest(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint32_t count) {
-    return accel->empty ? hyi_trace_nothing(rays, hits, NULL, count) : hyi_trace_all(accel, stream, rays, hits, NULL, count);
+/* What lies on count rays of triangles. Ties: smallest instance, then primitive. Light shapes are not looked at. stream: NULL
+   or memory that no one else uses meanwhile. Rays are read by hyi_load_ray alone: they may be the caller's hydra_ray. Those
+   that are not sound meet nothing; false: there were some. */
+HYI_FN bool hyi_trace(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    if (accel->empty) return hyi_trace_nothing(rays, answers, count);
+    if (stream && stream->capacity && count >= HYI_STREAM_LEAST) return hyi_trace_stream(accel, stream, rays, answers, count);
+    return hyi_trace_singles(accel, rays, answers, count);
 }
 
-/* occluded[i] is set to 0 or 1. Light shapes are not looked at. */
+/* Closest hits: instance HYK_NONE and t -1 on a miss. */
+HYI_FN bool hyi_trace_closest(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, hyk_hit *hits, uint32_t count) {
+    hyi_answers answers;
+    memset(&answers, 0, sizeof answers);
+    answers.hits = hits;
+    return hyi_trace(accel, stream, rays, &answers, count);
+}
+
+/* occluded[i] is set to 0 or 1. */
 HYI_FN bool hyi_trace_any(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
-    return accel->empty ? hyi_trace_nothing(rays, NULL, occluded, count) : hyi_trace_all(accel, stream, rays, NULL, occluded, count);
+    hyi_answers answers;
+    memset(&answers, 0, sizeof answers);
+    answers.occluded = occluded;
+    return hyi_trace(accel, stream, rays, &answers, count);
 }
 
 /* ---- light shapes: few, so one walk at a time does */
@@ -14964,9 +16857,9 @@ HYI_FN bool hyi_meet_shapes(hyi_shape_visit *visit, hyi_flight *flight, const hy
     return flight->best.instance == HYK_HIT_SHAPE;
 }
 
-/* Replaces hits[i] where a light shape is nearer: instance HYK_HIT_SHAPE, primitive the light, u = v = 0.
+/* Replaces hits[i], or else told[i], where a light shape is nearer: instance HYK_HIT_SHAPE, primitive the light, u = v = 0.
    skip_hidden: lights flagged HYK_LIGHT_HIDDEN are not seen. */
-HYI_FN void hyi_trace_shapes_closest(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, uint32_t count, bool skip_hidden) {
+HYI_FN void hyi_trace_shapes_closest(const hyi_accel *accel, const hyk_ray *rays, hyk_hit *hits, hydra_hit *told, uint32_t count, bool skip_hidden) {
     hyi_shape_visit visit;
     visit.accel = accel;
     visit.skip_hidden = skip_hidden;
@@ -14975,12 +16868,14 @@ HYI_FN void hyi_trace_shapes_closest(const hyi_accel *accel, const hyk_ray *rays
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
         hyi_best limit;
-        limit.t = hits[i].instance == HYK_NONE ? hyi_finite_limit(hyi_load_ray(&rays[i]).t_max) : hits[i].t;
-        limit.u = hits[i].u;
-        limit.v = hits[i].v;
-        limit.instance = hits[i].instance;
-        limit.primitive = hits[i].primitive;
-        if (hyi_meet_shapes(&visit, &flight, &rays[i], &limit)) hyi_answer(accel, &flight.best, &hits[i]);
+        float t = hits ? hits[i].t : told[i].t;
+        bool found = hits ? hits[i].instance != HYK_NONE : told[i].mesh != 0;
+        limit.t = found ? t : hyi_finite_limit(hyi_load_ray(&rays[i]).t_max);
+        limit.u = limit.v = 0.0f;
+        limit.instance = limit.primitive = found ? 0u : HYK_NONE; /* a surface before a shape at equal t, whichever it is */
+        if (!hyi_meet_shapes(&visit, &flight, &rays[i], &limit)) continue;
+        if (hits) hyi_answer(accel, &flight.best, &hits[i]);
+        else hyi_tell_shape(accel, flight.best.primitive, flight.best.t, &rays[i], &told[i]);
     }
 }
 
@@ -17912,6 +19807,8 @@ HYI_FN void hyi_commit_view(hydra_scene *scene) {
     accel->world_first = scene->world_first;
     accel->world_count = (uint32_t)scene->world_count;
     for (size_t i = 0; accel->mesh_has_alpha && i < scene->world_count; i++) accel->world_has_alpha |= accel->mesh_has_alpha[scene->placed[i].mesh] != 0;
+    accel->placed_ids = scene->placed_ids;
+    accel->light_ids = scene->light_ids;
     accel->instances = &scene->top;
     accel->single = hyi_is_single(scene);
     accel->empty = scene->placed_count == 0;
@@ -17998,82 +19895,21 @@ HYDRA_API hydra_result hydra_scene_get_info(const hydra_scene *scene, hydra_scen
 #ifndef HYI_QUERIES_H
 #define HYI_QUERIES_H
 
-#define HYI_QUERY_BATCH 256u /* rays a time without memory of the context's */
+#define HYI_QUERY_BATCH 65536u /* rays whose answers are still near when light shapes are looked for */
 
 HYI_STATIC_ASSERT(sizeof(hydra_ray) == sizeof(hyk_ray) && offsetof(hydra_ray, t_max) == offsetof(hyk_ray, t_max));
 
-/* ---- answers */
-
-HYI_FN void hyi_shape_hit(const hydra_scene *scene, const hyk_hit *hit, const hydra_ray *at, hydra_hit *out) {
-    hyk_vec3 origin = hyk_make3(at->origin[0], at->origin[1], at->origin[2]), direction = hyk_make3(at->direction[0], at->direction[1], at->direction[2]);
-    hyk_vec3 n = hyk_shape_normal(scene->view.lights[hit->primitive], hyk_add_scaled(origin, direction, hit->t));
-    out->primitive = HYDRA_NONE;
-    out->mesh = out->instance = 0;
-    out->light = scene->light_ids[hit->primitive];
-    out->normal[0] = n.x;
-    out->normal[1] = n.y;
-    out->normal[2] = n.z;
-}
-
-/* Squares of products of floats stay in double's range, so nothing has to be scaled. */
-HYI_INLINE void hyi_unit_normal(const float *a, const float *b, const float *c, float normal[3]) {
-    double e[3], f[3];
-    for (int i = 0; i < 3; i++) {
-        e[i] = (double)b[i] - (double)a[i];
-        f[i] = (double)c[i] - (double)a[i];
-    }
-    double x = e[1] * f[2] - e[2] * f[1], y = e[2] * f[0] - e[0] * f[2], z = e[0] * f[1] - e[1] * f[0];
-    double inverse = 1.0 / sqrt(x * x + y * y + z * z);
-    normal[0] = (float)(x * inverse);
-    normal[1] = (float)(y * inverse);
-    normal[2] = (float)(z * inverse);
-}
-
-HYI_INLINE void hyi_surface_hit(const hydra_scene *scene, const hyk_hit *hit, hydra_hit *out) {
-    const hyk_instance *placed = &scene->placed[hit->instance];
-    const hyk_mesh_arrays *arrays = &scene->view_arrays[placed->mesh];
-    const uint32_t *index = arrays->indices + 3u * (size_t)hit->primitive;
-    hyi_unit_normal(arrays->positions + 3u * (size_t)index[0], arrays->positions + 3u * (size_t)index[1], arrays->positions + 3u * (size_t)index[2], out->normal);
-    out->primitive = hit->primitive;
-    out->mesh = placed->mesh + 1;
-    out->instance = scene->placed_ids[hit->instance];
-    out->light = 0;
-    if (placed->flags & HYK_INSTANCE_IDENTITY) return;
-    hyk_vec3 n = hyk_normalize(hyk_transform_normal(*placed, hyk_make3(out->normal[0], out->normal[1], out->normal[2])));
-    out->normal[0] = n.x;
-    out->normal[1] = n.y;
-    out->normal[2] = n.z;
-}
-
-HYI_INLINE void hyi_public_hit(const hydra_scene *scene, const hyk_hit *hit, const hydra_ray *ray, hydra_hit *out) {
-    out->t = hit->t;
-    out->u = hit->u;
-    out->v = hit->v;
-    if (hit->instance == HYK_HIT_SHAPE) {
-        hyi_shape_hit(scene, hit, ray, out);
-    } else if (hit->instance != HYK_NONE) {
-        hyi_surface_hit(scene, hit, out);
-    } else {
-        out->primitive = HYDRA_NONE;
-        out->mesh = out->instance = out->light = 0;
-        out->normal[0] = out->normal[1] = out->normal[2] = 0.0f;
-    }
-}
-
-/* Asks for the corners of a hit triangle, or first for the numbers of its corners. */
-HYI_INLINE void hyi_prefetch_hit(const hydra_scene *scene, const hyk_hit *hit, bool corners) {
-    if (hit->instance == HYK_NONE || hit->instance == HYK_HIT_SHAPE) return;
-    const hyk_mesh_arrays *arrays = &scene->view_arrays[scene->placed[hit->instance].mesh];
-    const uint32_t *index = arrays->indices + 3u * (size_t)hit->primitive;
-    if (!corners) hyi_prefetch(index);
-    for (int i = 0; corners && i < 3; i++) hyi_prefetch(arrays->positions + 3u * (size_t)index[i]);
-}
-
+/* Tells the caller what a backend found. */
 HYI_FN void hyi_tell_hits(const hydra_scene *scene, const hyk_hit *found, const hydra_ray *rays, hydra_hit *hits, uint32_t count) {
+    const hyi_accel *accel = &scene->accel;
     for (uint32_t i = 0; i < count; i++) {
-        if (i + 16u < count) hyi_prefetch_hit(scene, &found[i + 16u], false);
-        if (i + 8u < count) hyi_prefetch_hit(scene, &found[i + 8u], true);
-        hyi_public_hit(scene, &found[i], &rays[i], &hits[i]);
+        if (found[i].instance == HYK_HIT_SHAPE) {
+            hyi_tell_shape(accel, found[i].primitive, found[i].t, (const hyk_ray *)(const void *)&rays[i], &hits[i]);
+        } else if (found[i].instance != HYK_NONE) {
+            hyi_tell_surface(accel, found[i], hyi_normal_of_hit(accel, found[i]), &hits[i]);
+        } else {
+            hyi_tell_miss(&hits[i]);
+        }
     }
 }
 
@@ -18085,53 +19921,28 @@ HYI_FN hydra_result hyi_check_query(const hydra_scene *scene, const void *rays, 
     return scene->dirty ? HYDRA_ERROR_NOT_COMMITTED : HYDRA_OK;
 }
 
-/* One query: its memory, and how many rays it goes through at a time. */
-typedef struct hyi_query {
-    const hydra_scene *scene;
+/* hits, or else occluded, of the context's own threads: in the calling one. Without the memory for a stream rays go one by
+   one. Quiet on failure: the error text is not a query's to write. */
+HYI_FN bool hyi_query_here(const hydra_scene *scene, const hyk_ray *rays, const hyi_answers *answers, size_t count) {
+    const hyi_accel *accel = &scene->accel;
     hyi_ray_stream stream;
-    hyk_hit *found;
-    size_t batch, found_count;
-} hyi_query;
-
-HYI_FN void hyi_query_end(hyi_query *query) {
-    hyi_ray_stream_free(query->scene->context, &query->stream);
-    hyi_free_array(query->scene->context, &query->found, query->found_count);
-}
-
-/* Without the memory for it, rays go one by one. Quiet on failure: the error text is not a query's to write. */
-HYI_FN hyi_query hyi_query_begin(const hydra_scene *scene, size_t count, bool any) {
-    hyi_query query;
-    memset(&query, 0, sizeof query);
-    query.scene = scene;
-    query.batch = HYI_QUERY_BATCH;
-    if (count < HYI_STREAM_LEAST || hyi_ray_stream_alloc(scene->context, &scene->accel, count, &query.stream) != HYDRA_OK) return query;
-    size_t batch = count < HYI_STREAM_SORTED ? count : HYI_STREAM_SORTED;
-    bool whole = any || (query.stream.capacity > 0 && hyi_try_alloc(scene->context, batch * sizeof *query.found, (void **)&query.found) == HYDRA_OK);
-    if (whole) query.batch = batch;
-    if (query.found) query.found_count = batch;
-    return query;
-}
-
-HYI_FN bool hyi_query_closest(hyi_query *query, const hydra_ray *rays, hydra_hit *hits, uint32_t count) {
-    const hydra_scene *scene = query->scene;
-    const hyk_ray *at = (const hyk_ray *)(const void *)rays;
-    hyk_hit here[HYI_QUERY_BATCH], *found = query->found ? query->found : here;
-    bool sound = hyi_trace_closest(&scene->accel, &query->stream, at, found, count);
-    if (scene->accel.shapes) hyi_trace_shapes_closest(&scene->accel, at, found, count, false);
-    hyi_tell_hits(scene, found, rays, hits, count);
-    return sound;
-}
-
-HYI_FN bool hyi_query_any(hyi_query *query, const hydra_ray *rays, uint8_t *occluded, uint32_t count) {
-    const hyk_ray *at = (const hyk_ray *)(const void *)rays;
-    bool sound = hyi_trace_any(&query->scene->accel, &query->stream, at, occluded, count);
-    if (query->scene->accel.shapes) hyi_trace_shapes_any(&query->scene->accel, at, occluded, count);
+    bool sound = true;
+    (void)hyi_ray_stream_alloc(scene->context, accel, count, &stream);
+    for (size_t first = 0; first < count; first += HYI_QUERY_BATCH) {
+        uint32_t n = count - first < HYI_QUERY_BATCH ? (uint32_t)(count - first) : HYI_QUERY_BATCH;
+        hyi_answers from = hyi_answers_from(answers, first);
+        sound = hyi_trace(accel, &stream, rays + first, &from, n) && sound;
+        if (!accel->shapes) continue;
+        if (from.occluded) hyi_trace_shapes_any(accel, rays + first, from.occluded, n);
+        else hyi_trace_shapes_closest(accel, rays + first, NULL, from.told, n, false);
+    }
+    hyi_ray_stream_free(scene->context, &stream);
     return sound;
 }
 
 /* The same on a backend, whose hits wait in memory until they are told. */
 HYI_FN hydra_result hyi_query_device(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
-    size_t batch = count < HYI_STREAM_SORTED ? count : HYI_STREAM_SORTED;
+    size_t batch = count < HYI_QUERY_BATCH ? count : HYI_QUERY_BATCH;
     hydra_result result = HYDRA_OK;
     hyk_hit *found = NULL;
     if (hits) HYI_TRY(hyi_try_alloc(scene->context, batch * sizeof *found, (void **)&found));
@@ -18148,15 +19959,11 @@ HYI_FN hydra_result hyi_query_device(const hydra_scene *scene, const hydra_ray *
 /* hits, or else occluded. */
 HYI_FN hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
     if (scene->context->backend) return count ? hyi_query_device(scene, rays, hits, occluded, count) : HYDRA_OK;
-    hyi_query query = hyi_query_begin(scene, count, hits == NULL);
-    bool sound = true;
-    for (size_t first = 0; first < count; first += query.batch) {
-        uint32_t n = count - first < query.batch ? (uint32_t)(count - first) : (uint32_t)query.batch;
-        if (hits) sound = hyi_query_closest(&query, rays + first, hits + first, n) && sound;
-        else sound = hyi_query_any(&query, rays + first, occluded + first, n) && sound;
-    }
-    hyi_query_end(&query);
-    return sound ? HYDRA_OK : HYDRA_ERROR_RAY;
+    hyi_answers answers;
+    answers.hits = NULL;
+    answers.told = hits;
+    answers.occluded = occluded;
+    return hyi_query_here(scene, (const hyk_ray *)(const void *)rays, &answers, count) ? HYDRA_OK : HYDRA_ERROR_RAY;
 }
 
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count) {
@@ -18412,7 +20219,7 @@ HYI_FN void hyi_shadow_pass(const hyi_picture *picture, hyi_batch *batch) {
 
 HYI_FN void hyi_intersect_pass(const hyi_picture *picture, hyi_batch *batch, bool from_sensor) {
     hyi_trace_closest(picture->accel, &batch->stream, batch->rays, batch->hits, batch->paths_alive);
-    if (picture->accel->shapes) hyi_trace_shapes_closest(picture->accel, batch->rays, batch->hits, batch->paths_alive, from_sensor);
+    if (picture->accel->shapes) hyi_trace_shapes_closest(picture->accel, batch->rays, batch->hits, NULL, batch->paths_alive, from_sensor);
 }
 
 HYI_FN void hyi_keep_first_hits(hyi_batch *batch) {

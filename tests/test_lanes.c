@@ -332,7 +332,7 @@ static void deep_trees(void **state) {
     tl_end(&s);
 }
 
-/* More than are sorted at a time; and alike rays do go in packets. */
+/* Many slices; and alike rays do go in packets. */
 static void many_rays(void **state) {
     (void)state;
     static tl_scene s;
@@ -347,9 +347,28 @@ static void many_rays(void **state) {
     tl_compare(&s, s.scene->accel.isa, TL_MOST, TL_MOST);
     ht_ok(s.host.context, hyi_ray_stream_alloc(s.host.context, &s.scene->accel, TL_MOST, &stream));
     hyi_site site = hyi_first_site(&s.scene->accel);
+    hyi_begun begun = {0, 0, 0, true};
     hyi_answers answers = {tl_hits, NULL, NULL};
-    if (stream.capacity) assert_true(hyi_trace_alike(&site, &stream, tl_rays, &answers, TL_MOST / 2, stream.order) < TL_MOST / 8);
+    HYI_DISPATCH_VECTOR(site.accel->isa, hyi_begin_rays, (&site, &stream, tl_rays, &answers, stream.capacity, &begun))
+    assert_true(begun.sound && begun.flights <= begun.rays / 4);
     hyi_ray_stream_free(s.host.context, &stream);
+    tl_end(&s);
+}
+
+/* More packets in an instance than there is room for at a time. */
+static void alike_in_instances(void **state) {
+    (void)state;
+    static tl_scene s;
+    ht_rng rng = ht_rng_make(4);
+    tl_begin(&s);
+    tl_add(&s, ht_icosphere(1, 2), HYDRA_ALPHA_OPAQUE);
+    tl_add(&s, ht_torus(0.7f, 0.25f, 24, 16), HYDRA_ALPHA_OPAQUE);
+    tl_add_instances(&s);
+    ht_ok(s.host.context, hydra_scene_commit(s.scene));
+    for (uint32_t k = 0; k < 3; k++) {
+        tl_block(&s, &rng, false, tl_rays, HYI_STREAM_RAYS);
+        assert_true(tl_compare_all(&s, HYI_STREAM_RAYS) > HYI_STREAM_RAYS / 2);
+    }
     tl_end(&s);
 }
 
@@ -361,6 +380,7 @@ int hydra_test_lanes(void) {
         cmocka_unit_test(near_underflow),
         cmocka_unit_test(deep_trees),
         cmocka_unit_test(many_rays),
+        cmocka_unit_test(alike_in_instances),
     };
     return cmocka_run_group_tests_name("lanes", tests, NULL, NULL);
 }

@@ -109,12 +109,12 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
 }
 
 /* hyi_ray_words: two times, two rays to a register, and two transpositions of four by four in two steps. */
-HYI_INLINE HYI_AVX2 void hyi_ray_words_avx2(const hyk_ray *rays, const uint32_t *numbers, float words[8][HYI_PACKET_WIDTH]) {
+HYI_INLINE HYI_AVX2 void hyi_ray_words_avx2(const hyk_ray *rays, float words[8][HYI_PACKET_WIDTH]) {
     for (uint32_t half = 0; half < 2u; half++) {
         __m256 a[4];
         for (uint32_t k = 0; k < 4u; k++) {
-            a[k] = _mm256_castps128_ps256(_mm_loadu_ps((const float *)(const void *)&rays[numbers[k]] + 4u * half));
-            a[k] = _mm256_insertf128_ps(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 4u]] + 4u * half), 1);
+            a[k] = _mm256_castps128_ps256(_mm_loadu_ps((const float *)(const void *)&rays[k] + 4u * half));
+            a[k] = _mm256_insertf128_ps(a[k], _mm_loadu_ps((const float *)(const void *)&rays[k + 4u] + 4u * half), 1);
         }
         __m256 low01 = _mm256_unpacklo_ps(a[0], a[1]), high01 = _mm256_unpackhi_ps(a[0], a[1]);
         __m256 low23 = _mm256_unpacklo_ps(a[2], a[3]), high23 = _mm256_unpackhi_ps(a[2], a[3]);
@@ -175,7 +175,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_BITS8(m) ((uint32_t)_mm256_movemask_ps(m))
 #define HYI_MIN8_WHERE(a, m, b) _mm256_blendv_ps(a, _mm256_min_ps(a, b), m)
 #define HYI_PIN8(a) hyi_pin8_avx2(a)
-#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words_avx2(rays, numbers, words)
+#define HYI_RAY_WORDS(rays, words) hyi_ray_words_avx2(rays, words)
 #define HYI_LINES(rows, lines) hyi_lines_avx2(rows, lines)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
@@ -235,6 +235,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #include "aim_body.inc.h"
 #include "walk_body.inc.h"
 #include "packet_body.inc.h"
+#include "begin_body.inc.h"
 #include "stream_body.inc.h"
 #include "lanes_end.inc.h"
 

@@ -51,22 +51,25 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
     }
 }
 
-/* hyi_ray_words: two times, four rays to a register, and four transpositions of four by four in two steps. */
-HYI_INLINE HYI_AVX512 void hyi_ray_words_avx512(const hyk_ray *rays, const uint32_t *numbers, float words[8][HYI_PACKET_WIDTH]) {
-    for (uint32_t half = 0; half < 2u; half++) {
+/* hyi_ray_words: two rays to a register, in such pairs that the last of three steps brings them into their order. */
+HYI_INLINE HYI_AVX512 void hyi_ray_words_avx512(const hyk_ray *rays, float words[8][HYI_PACKET_WIDTH]) {
+    __m512d halves[2][4];
+    for (uint32_t side = 0; side < 2u; side++) {
         __m512 a[4];
         for (uint32_t k = 0; k < 4u; k++) {
-            a[k] = _mm512_castps128_ps512(_mm_loadu_ps((const float *)(const void *)&rays[numbers[k]] + 4u * half));
-            a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 4u]] + 4u * half), 1);
-            a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 8u]] + 4u * half), 2);
-            a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)&rays[numbers[k + 12u]] + 4u * half), 3);
+            const float *low = (const float *)(const void *)&rays[8u * side + k], *high = (const float *)(const void *)&rays[8u * side + 4u + k];
+            a[k] = _mm512_insertf32x8(_mm512_castps256_ps512(_mm256_loadu_ps(low)), _mm256_loadu_ps(high), 1);
         }
         __m512d low01 = _mm512_castps_pd(_mm512_unpacklo_ps(a[0], a[1])), high01 = _mm512_castps_pd(_mm512_unpackhi_ps(a[0], a[1]));
         __m512d low23 = _mm512_castps_pd(_mm512_unpacklo_ps(a[2], a[3])), high23 = _mm512_castps_pd(_mm512_unpackhi_ps(a[2], a[3]));
-        _mm512_storeu_ps(words[4u * half], _mm512_castpd_ps(_mm512_unpacklo_pd(low01, low23)));
-        _mm512_storeu_ps(words[4u * half + 1u], _mm512_castpd_ps(_mm512_unpackhi_pd(low01, low23)));
-        _mm512_storeu_ps(words[4u * half + 2u], _mm512_castpd_ps(_mm512_unpacklo_pd(high01, high23)));
-        _mm512_storeu_ps(words[4u * half + 3u], _mm512_castpd_ps(_mm512_unpackhi_pd(high01, high23)));
+        halves[side][0] = _mm512_unpacklo_pd(low01, low23);
+        halves[side][1] = _mm512_unpackhi_pd(low01, low23);
+        halves[side][2] = _mm512_unpacklo_pd(high01, high23);
+        halves[side][3] = _mm512_unpackhi_pd(high01, high23);
+    }
+    for (uint32_t k = 0; k < 4u; k++) {
+        _mm512_storeu_ps(words[k], _mm512_castpd_ps(_mm512_shuffle_f64x2(halves[0][k], halves[1][k], 0x88)));
+        _mm512_storeu_ps(words[4u + k], _mm512_castpd_ps(_mm512_shuffle_f64x2(halves[0][k], halves[1][k], 0xdd)));
     }
 }
 
@@ -99,7 +102,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 }
 
 #define HYI_TARGET HYI_AVX512
-#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words_avx512(rays, numbers, words)
+#define HYI_RAY_WORDS(rays, words) hyi_ray_words_avx512(rays, words)
 #define HYI_LINES(rows, lines) hyi_lines_avx512(rows, lines)
 #define HYI_I(name) name##_avx512
 #define HYI_F8 __m256
@@ -184,6 +187,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #include "aim_body.inc.h"
 #include "walk_body.inc.h"
 #include "packet_body.inc.h"
+#include "begin_body.inc.h"
 #include "stream_body.inc.h"
 #include "lanes_end.inc.h"
 

@@ -171,7 +171,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_BITS8(m) HYI_BITS4_4((m).low, (m).high)
 #define HYI_MIN8_WHERE(a, m, b) HYI_I(hyi_min8_where)(a, m, b)
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
-#define HYI_RAY_WORDS(rays, numbers, words) hyi_ray_words(rays, numbers, words, 8u)
+#define HYI_RAY_WORDS(rays, words) hyi_ray_words(rays, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
@@ -189,9 +189,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
 #define HYI_LEW(a, b) HYI_LE8(a, b)
+#define HYI_CHOOSEW(m, a, b) HYI_I(hyi_choose8)(m, a, b)
 #define HYI_ANDW(a, b) HYI_AND8(a, b)
 #define HYI_ORW(a, b) HYI_OR8(a, b)
-#define HYI_CHOOSEW(m, a, b) HYI_I(hyi_choose8)(m, a, b)
 #define HYI_SAMEW(a, b) HYI_I(hyi_same8)(a, b)
 #define HYI_BITSW(m) HYI_BITS8(m)
 #define HYI_PINW(a) HYI_PIN8(a)

@@ -80,6 +80,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #include "aim_body.inc.h"
 #include "walk_body.inc.h"
 #include "packet_body.inc.h"
+#include "begin_body.inc.h"
 #include "stream_body.inc.h"
 #include "lanes_end.inc.h"
 

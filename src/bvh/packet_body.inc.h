@@ -1,9 +1,16 @@
 /* ---- packets of alike rays (expanded once for each instruction set) */
 
-/* The planes of a node in the order in which the rays of a swarm meet them. */
+/* The planes of a node in the order in which rays meet them. */
 typedef struct HYI_I(hyi_planes) {
     HYI_F8 near_planes[3], far_planes[3];
 } HYI_I(hyi_planes);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_order_planes)(const hyi_node *node, const uint32_t near_plane[3], HYI_I(hyi_planes) *planes) {
+    for (int a = 0; a < 3; a++) {
+        planes->near_planes[a] = HYI_LOAD8(node->planes[near_plane[a]]);
+        planes->far_planes[a] = HYI_LOAD8(node->planes[near_plane[a] ^ 1u]);
+    }
+}
 
 /* Eight boxes against the bounds of a packet: no ray of it enters earlier than enter, or leaves later. */
 HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, const HYI_I(hyi_planes) *planes, HYI_F8 *enter) {
@@ -489,138 +496,6 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     return true;
 }
 
-/* Whether |v| <= limit in all lanes; what is not a number is not. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_all_within)(const float *v, float limit) {
-    HYI_FW size = HYI_MAXW(HYI_LOADW(v), HYI_SUBW(HYI_ZEROW(), HYI_LOADW(v)));
-    return HYI_BITSW(HYI_LEW(size, HYI_SETW(limit))) == HYI_ALLW;
-}
-
-/* What directions have in common: see hyi_aim_group; false: they differ in that, or in size by far. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(float d[3][HYI_PACKET_WIDTH], uint32_t *group) {
-    HYI_FW zero = HYI_ZEROW(), size[3];
-    *group = 0;
-    for (uint32_t a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(d[a]);
-        uint32_t falls = HYI_BITSW(HYI_LTW(v, zero));
-        if ((falls != 0u && falls != HYI_ALLW) || !HYI_I(hyi_all_within)(d[a], 1073741824.0f)) return false;
-        *group |= (falls ? 1u : 0u) << a;
-        size[a] = HYI_MAXW(v, HYI_SUBW(zero, v));
-    }
-    uint32_t y = HYI_BITSW(HYI_LTW(size[0], size[1])), z = HYI_BITSW(HYI_LTW(HYI_MAXW(size[0], size[1]), size[2]));
-    if ((z != 0u && z != HYI_ALLW) || (z == 0u && y != 0u && y != HYI_ALLW)) return false;
-    HYI_FW largest = HYI_MAXW(HYI_MAXW(size[0], size[1]), size[2]);
-    *group |= (z ? 2u : y ? 1u : 0u) << 3;
-    return HYI_LEASTW(largest) >= 9.31322574615478515625e-10f;
-}
-
-/* hyi_aim_shear for all lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
-    for (int half = 0; half < 2; half++) {
-        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
-        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
-        HYI_STOREH(packet->inverse_z, half, t_by_z);
-        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
-    }
-}
-
-/* What packets and flights have in common of HYI_LANES rays, by their numbers; false: they are of several groups, unsound,
-   or of uncommon size. o, inverse: by axis of space. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_rays)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_packet *packet,
-                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    float d[3][HYI_PACKET_WIDTH], words[8][HYI_PACKET_WIDTH];
-    uint32_t axis[3];
-    HYI_RAY_WORDS(rays, numbers, words);
-    HYI_FW scale = HYI_SETW(bvh->scale);
-    for (uint32_t a = 0; a < 3; a++) {
-        HYI_STOREW(o[a], HYI_MULW(HYI_LOADW(words[a]), scale));
-        HYI_STOREW(d[a], HYI_MULW(HYI_LOADW(words[4u + a]), scale));
-    }
-    HYI_STOREW(packet->t_min, HYI_LOADW(words[3]));
-    HYI_STOREW(packet->best_t, HYI_LOADW(words[7]));
-    if (!HYI_I(hyi_find_group)(d, &packet->group)) return false;
-    HYI_FW t_min = HYI_LOADW(packet->t_min), t_max = HYI_LOADW(packet->best_t), limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT)), zero = HYI_ZEROW();
-    bool limits = HYI_BITSW(HYI_LEW(t_min, limit)) == HYI_ALLW && HYI_BITSW(HYI_LEW(t_min, t_max)) == HYI_ALLW;
-    if (!limits || !HYI_I(hyi_all_within)(packet->t_min, FLT_MAX)) return false;
-    hyi_group_axes(packet->group, axis);
-    for (int a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(d[a]);
-        if (!HYI_I(hyi_all_within)(o[a], 1099511627776.0f)) return false;
-        v = HYI_MAXW(HYI_MAXW(v, HYI_SUBW(zero, v)), HYI_SETW(HYI_STEADY));
-        HYI_STOREW(inverse[a], HYI_DIVW(HYI_SETW(packet->group >> a & 1u ? -1.0f : 1.0f), v));
-        HYI_STOREW(packet->origin[a], HYI_LOADW(o[axis[a]]));
-        HYI_STOREW(packet->direction[a], HYI_LOADW(d[axis[a]]));
-    }
-    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
-    HYI_STOREW(packet->best_t, limit);
-    HYI_STOREW(packet->t_near, HYI_SUBW(t_min, HYI_MULW(HYI_MAXW(t_min, HYI_SUBW(zero, t_min)), slack)));
-    HYI_STOREW(packet->t_far, HYI_ADDW(limit, HYI_MULW(HYI_MAXW(limit, HYI_SUBW(zero, limit)), slack)));
-    HYI_I(hyi_shear_packet)(packet);
-    return true;
-}
-
-/* A packet of rays first, first + 1, ... of the swarm's; false: they are not alike, or not fit for one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t first) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        packet->ray[i] = first + i;
-        packet->instance[i] = packet->primitive[i] = HYK_NONE;
-        packet->leaf.word[i] = packet->triangle.word[i] = 0;
-    }
-    packet->count = HYI_LANES;
-    return HYI_I(hyi_load_rays)(swarm->site.bvh, swarm->rays, packet->ray, packet, o, inverse) &&
-           HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
-}
-
-/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_box *box, uint32_t group, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH],
-                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
-    HYI_FW reach[3], zero = HYI_ZEROW();
-    for (int a = 0; a < 3; a++) {
-        HYI_FW below = HYI_SUBW(HYI_LOADW(o[a]), HYI_SETW(box->lower[a])), above = HYI_SUBW(HYI_SETW(box->upper[a]), HYI_LOADW(o[a]));
-        reach[a] = HYI_MAXW(HYI_MAXW(below, HYI_SUBW(zero, below)), HYI_MAXW(above, HYI_SUBW(zero, above)));
-    }
-    for (int a = 0; a < 3; a++) {
-        HYI_FW v = HYI_LOADW(o[a]), size = HYI_MAXW(v, HYI_SUBW(zero, v)), back = HYI_SUBW(zero, HYI_LOADW(inverse[a]));
-        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], reach[group >> 3])), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
-        bound = (group >> a & 1u) ? HYI_SUBW(zero, bound) : bound;
-        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
-        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
-    }
-}
-
-/* Flights of HYI_LANES rays by their numbers; false: they must be begun one by one. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_begin_flights)(const hyi_bvh *bvh, const hyk_ray *rays, const uint32_t *numbers, hyi_flight *flights) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
-    uint32_t plane[3][HYI_PACKET_WIDTH], axes[3][HYI_PACKET_WIDTH], none[HYI_PACKET_WIDTH] = {0}, axis[3];
-    hyi_packet p;
-    if (!HYI_I(hyi_load_rays)(bvh, rays, numbers, &p, o, inverse)) return false;
-    HYI_I(hyi_offset_lanes)(&bvh->scaled, p.group, o, inverse, near_offset, far_offset);
-    hyi_group_axes(p.group, axis);
-    for (uint32_t a = 0; a < 3; a++) {
-        for (uint32_t i = 0; i < HYI_LANES; i++) {
-            plane[a][i] = 2u * a + (p.group >> a & 1u);
-            axes[a][i] = axis[a];
-        }
-    }
-    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
-                             p.t_near, p.t_far, plane[0], plane[1], plane[2], p.inverse_z, p.best_t};
-    const void *triangles[16] = {p.origin[0], p.origin[1], p.origin[2], p.shear[0], p.shear[1], axes[0], axes[1], axes[2],
-                                 p.direction[0], p.direction[1], p.direction[2], none, none, none, none, none};
-    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
-    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        hyi_flight *flight = &flights[i];
-        flight->aim.t_by_z = p.t_by_z[i];
-        flight->aim.unit = flight->aim.inverse_unit = 1.0;
-        flight->best.t = p.best_t[i];
-        flight->best.u = flight->best.v = 0.0f;
-        flight->best.instance = flight->best.primitive = HYK_NONE;
-        flight->t_min = p.t_min[i];
-        flight->ray = &rays[numbers[i]];
-    }
-    return true;
-}
-
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
     for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
 }
@@ -661,6 +536,15 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_
     HYI_I(hyi_work_out)(swarm, packet, &finds);
     for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
     HYI_I(hyi_unpack_misses)(packet, &finds, &to);
+}
+
+/* Answers the rays of count packets. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
+        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
+        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
+    }
 }
 
 /* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */

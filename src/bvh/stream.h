@@ -10,14 +10,15 @@
    over the packet (Reshetov, Soupikov, Hurley 2005, "Multi-level ray tracing algorithm"), as dear as that of one ray,
    and at a leaf a triangle meets all rays of the packet at once.
 
-   Rays of a list have the same signs of direction and the same largest direction component. */
+   Packets of a list have the same signs of direction and the same largest direction component. Flights of a list may go
+   anywhere: rays that begin near each other meet the same nodes at first, whatever their directions. */
 #ifndef HYI_BVH_STREAM_H
 #define HYI_BVH_STREAM_H
 
 #include "answer.h"
 
-#define HYI_STREAM_RAYS 2048u    /* on their way at a time */
-#define HYI_STREAM_SORTED 65536u /* sorted by direction at a time */
+#define HYI_STREAM_RAYS 4096u    /* on their way at a time */
+#define HYI_STREAM_PACKETS 128u  /* of them at a time, at most */
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
 #define HYI_PACKET_WIDTH 16u     /* at most */
@@ -61,14 +62,11 @@ HYI_STATIC_ASSERT(sizeof(hyi_packet) % 64u == 0);
 /* Memory for streams. */
 typedef struct hyi_ray_stream {
     uint32_t capacity;     /* rays on their way at a time; 0: none, rays go one by one */
-    uint32_t packet_share; /* packets that they make */
-    uint32_t levels;       /* 1, or 2 where there are instances: flights and packets in the first tree, then in theirs */
-    uint32_t sorted;       /* rays sorted at a time */
-    hyi_packet *packets;   /* levels times packet_share; the block begins here */
+    uint32_t packet_share; /* packets on their way at a time */
+    uint32_t levels;       /* 1, or 2 where there are instances: flights in the first tree, then in theirs */
+    hyi_packet *packets;   /* packet_share: on one level, for only trees of triangles have any; the block begins here */
     hyi_flight *flights;   /* levels times capacity */
     uint32_t *lists;       /* list_count */
-    uint32_t *order;       /* two times sorted */
-    uint8_t *keys;         /* sorted: of rays yet to be sorted by them */
     size_t list_count;
 } hyi_ray_stream;
 
@@ -79,15 +77,21 @@ typedef struct hyi_swarm {
     const hyk_ray *rays; /* of packets; NULL: these are made of flights */
     hyi_flight *flights;
     hyi_packet *packets;
-    uint32_t near_plane[3], axis[3]; /* of all rays on a list */
+    uint32_t near_plane[3], axis[3]; /* of all packets on a list */
     bool any;
 } hyi_swarm;
 
-/* The eight words of rays by their numbers: rows of one word of all. */
-HYI_INLINE void hyi_ray_words(const hyk_ray *rays, const uint32_t *numbers, float words[8][HYI_PACKET_WIDTH], uint32_t count) {
+/* What the first of a slice of rays have become: those that meet nothing are neither. */
+typedef struct hyi_begun {
+    uint32_t rays, packets, flights;
+    bool sound; /* all of them */
+} hyi_begun;
+
+/* The eight words of count rays: rows of one word of all. */
+HYI_INLINE void hyi_ray_words(const hyk_ray *rays, float words[8][HYI_PACKET_WIDTH], uint32_t count) {
     for (uint32_t i = 0; i < count; i++) {
         float ray[8];
-        memcpy(ray, &rays[numbers[i]], sizeof ray);
+        memcpy(ray, &rays[i], sizeof ray);
         for (uint32_t word = 0; word < 8u; word++) words[word][i] = ray[word];
     }
 }
@@ -107,13 +111,6 @@ typedef union hyi_masks8 {
 
 HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
     return (aim->near_plane[0] & 1u) | (aim->near_plane[1] & 1u) << 1 | (aim->near_plane[2] & 1u) << 2 | aim->axis[2] << 3;
-}
-
-/* The same of a ray that is not aimed yet, or nearly: ties between axes may fall otherwise. */
-HYI_INLINE uint8_t hyi_direction_key(hyk_vec3 d) {
-    float x = fabsf(d.x), y = fabsf(d.y), z = fabsf(d.z);
-    uint32_t axis = z > x && z > y ? 2u : x >= y ? 0u : 1u;
-    return (uint8_t)((d.x < 0.0f ? 1u : 0u) | (d.y < 0.0f ? 2u : 0u) | (d.z < 0.0f ? 4u : 0u) | axis << 3);
 }
 
 /* hyi_aim.axis of the rays of a group. */
@@ -153,6 +150,27 @@ HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
 HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
     const char *at = hyi_child_is_leaf(child) ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
     for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
+}
+
+/* ---- beginning */
+
+HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
+    hyk_ray ray = hyi_load_ray(at);
+    return hyi_ray_is_sound(&ray);
+}
+
+/* Begins the flights of some rays one by one; those that meet nothing are answered at once. */
+HYI_FN void hyi_begin_each(const hyi_site *site, const hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
+                           uint32_t first, uint32_t count, hyi_begun *begun) {
+    for (uint32_t i = first; i < first + count; i++) {
+        hyi_flight *flight = &stream->flights[begun->flights];
+        if (hyi_flight_begin(flight, site->bvh, &rays[i], FLT_MAX)) {
+            begun->flights++;
+        } else {
+            begun->sound = hyi_was_sound(&rays[i]) && begun->sound;
+            hyi_tell(site->accel, flight, answers, i);
+        }
+    }
 }
 
 #endif /* HYI_BVH_STREAM_H */

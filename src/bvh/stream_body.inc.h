@@ -8,12 +8,13 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, const hyi_node *node, uint32_t c, uint32_t *list, uint32_t count) {
-    float x = node->planes[swarm->near_plane[0]][c], y = node->planes[swarm->near_plane[1]][c], z = node->planes[swarm->near_plane[2]][c];
     uint32_t kept = 0;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t ray = list[i];
         const hyi_aim *aim = &swarm->flights[ray].aim;
-        float tx = x * aim->inverse[0] + aim->near_offset[0], ty = y * aim->inverse[1] + aim->near_offset[1], tz = z * aim->inverse[2] + aim->near_offset[2];
+        float tx = node->planes[aim->near_plane[0]][c] * aim->inverse[0] + aim->near_offset[0];
+        float ty = node->planes[aim->near_plane[1]][c] * aim->inverse[1] + aim->near_offset[1];
+        float tz = node->planes[aim->near_plane[2]][c] * aim->inverse[2] + aim->near_offset[2];
         float enter = tx > ty ? tx : ty;
         enter = tz > enter ? tz : enter;
         list[kept] = ray;
@@ -22,15 +23,20 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     return kept;
 }
 
+/* Which children a flight, or a packet, meets, and where it enters them. planes: what all packets of a list meet. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, const hyi_node *node, uint32_t item, HYI_I(hyi_planes) *planes, HYI_F8 *enter, bool packets) {
+    if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
+    const hyi_aim *aim = &swarm->flights[item].aim;
+    HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
+    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter);
+}
+
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                            uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    for (int a = 0; a < 3; a++) {
-        planes.near_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a]]);
-        planes.far_planes[a] = HYI_LOAD8(node->planes[swarm->near_plane[a] ^ 1u]);
-    }
+    if (packets) HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += HYI_DEAL) {
         uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
         HYI_MASKS masks;
@@ -38,8 +44,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_nod
         for (uint32_t i = 0; i < some; i++) {
             HYI_F8 enter;
             uint32_t item = list[first + i];
-            HYI_M8 mask = packets ? HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], &planes, &enter)
-                                  : HYI_I(hyi_meet_boxes)(&swarm->flights[item].aim, planes.near_planes, planes.far_planes, &enter);
+            HYI_M8 mask = HYI_I(hyi_meet_children)(swarm, node, item, &planes, &enter, packets);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
             if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
@@ -179,66 +184,69 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
         if (some > HYI_LANES / 2u && HYI_I(hyi_pack_flights)(swarm, &swarm->packets[made], rays + first, some)) made++;
         else
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
+        if (made < swarm->stream->packet_share && first + some < count) continue;
+        for (uint32_t i = 0; i < made; i++) space[i] = i;
+        if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+        for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
+        made = 0;
     }
-    for (uint32_t i = 0; i < made; i++) space[i] = i;
-    if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
-    for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
     return others;
+}
+
+/* The same of all count flights, by groups; the others are listed in others. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32_t count, uint32_t *others, uint32_t *space) {
+    uint32_t first[HYI_RAY_GROUPS + 1], rest = 0;
+    uint8_t *keys = (uint8_t *)(void *)space;
+    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm->flights[i].aim);
+    hyi_group(keys, count, others, first);
+    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
+        if (first[g + 1] == first[g]) continue;
+        hyi_set_group(swarm, g);
+        uint32_t left = HYI_I(hyi_run_alike)(swarm, others + first[g], first[g + 1] - first[g], space);
+        memmove(others + rest, others + first[g], left * sizeof *others);
+        rest += left;
+    }
+    return rest;
 }
 
 /* Sends the first count flights (deep: of those in instances) through the tree of site. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
     hyi_swarm swarm;
-    uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
-    uint8_t *keys = (uint8_t *)(void *)(space + room);
+    uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
     swarm.stream = stream;
     swarm.rays = NULL;
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
-    swarm.packets = stream->packets + (deep ? stream->packet_share : 0u);
+    swarm.packets = stream->packets;
     swarm.any = any;
     if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
-    for (uint32_t i = 0; i < count; i++) keys[i] = (uint8_t)hyi_aim_group(&swarm.flights[i].aim);
-    hyi_group(keys, count, order, first);
-    for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
-        uint32_t *rays = order + first[g], some = first[g + 1] - first[g];
-        hyi_set_group(&swarm, g);
-        if (deep && some) some = HYI_I(hyi_run_alike)(&swarm, rays, some, space + room);
-        if (some) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, rays, some, space + room, false);
-    }
+    if (deep) rest = HYI_I(hyi_run_alike_all)(&swarm, count, space, space + room);
+    else
+        for (uint32_t i = 0; i < count; i++) space[i] = i;
+    if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
     for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
 }
 
-/* Packets of those among count rays that are alike; numbers and keys of the others go to others and keys, and are counted. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
-                                                     uint32_t count, uint32_t *others, uint8_t *keys) {
+/* Answers count rays, at most capacity. Returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_begun begun = {0, 0, 0, true};
     hyi_swarm swarm;
-    uint32_t made = 0, rest = 0;
     swarm.site = *site;
     swarm.stream = stream;
     swarm.rays = rays;
     swarm.flights = NULL;
     swarm.packets = stream->packets;
     swarm.any = answers->occluded != NULL;
-    for (uint32_t first = 0; first < count; first += HYI_LANES) {
-        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        if (some == HYI_LANES && HYI_I(hyi_pack_rays)(&swarm, &swarm.packets[made], first)) {
-            made++;
-            continue;
-        }
-        for (uint32_t i = first; i < first + some; i++) {
-            others[rest] = i;
-            keys[rest++] = hyi_direction_key(hyi_load_ray(&rays[i]).direction);
-        }
+    while (begun.rays < count) {
+        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, &begun);
+        if (begun.packets) HYI_I(hyi_run_packets)(&swarm, begun.packets, stream->lists);
+        HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
+        begun.packets = 0;
     }
-    if (made) HYI_I(hyi_run_packets)(&swarm, made, stream->lists);
-    for (uint32_t i = 0; i < made; i++) {
-        if (i + 3u < made) hyi_prefetch_answers(answers, swarm.packets[i + 3u].ray[0], HYI_LANES);
-        if (swarm.any) HYI_I(hyi_unpack_occluded)(&swarm.packets[i], answers->occluded);
-        else HYI_I(hyi_unpack_rays)(&swarm, &swarm.packets[i], answers);
-    }
-    return rest;
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, false, swarm.any);
+    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
+    return begun.sound;
 }

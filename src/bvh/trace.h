@@ -44,32 +44,26 @@ HYI_INLINE void hyi_no_vectors(const void *site, ...) { (void)site; }
 
 #define HYI_STREAM_LISTS 40u /* words a ray: eight lists of all at the root, fewer at each level below */
 
-/* Rays a packet. */
-HYI_INLINE uint32_t hyi_isa_lanes(hydra_isa isa) { return isa == HYDRA_ISA_AVX512 ? 16u : 8u; }
-
 /* Sizes for calls of about count rays; capacity 0: none are needed. */
 HYI_INLINE hyi_ray_stream hyi_plan_ray_stream(const hyi_accel *accel, size_t count) {
     hyi_ray_stream stream;
-    uint32_t sorted = count < HYI_STREAM_SORTED ? (uint32_t)count : HYI_STREAM_SORTED;
     memset(&stream, 0, sizeof stream);
     if (accel->isa == HYDRA_ISA_SCALAR || accel->empty || count < HYI_STREAM_LEAST) return stream;
     stream.levels = accel->single ? 1u : 2u;
     stream.capacity = count < HYI_STREAM_RAYS ? ((uint32_t)count + 15u) & ~15u : HYI_STREAM_RAYS;
-    stream.packet_share = stream.capacity / hyi_isa_lanes(accel->isa) + HYI_RAY_GROUPS;
-    stream.sorted = sorted;
+    stream.packet_share = stream.capacity / 8u < HYI_STREAM_PACKETS ? stream.capacity / 8u : HYI_STREAM_PACKETS;
     stream.list_count = (size_t)stream.capacity * HYI_STREAM_LISTS + 2u * HYI_LIST_RESERVE;
     return stream;
 }
 
 /* Whole cache lines: flights begin after them. */
 HYI_INLINE size_t hyi_packets_bytes(const hyi_ray_stream *stream) {
-    return (stream->levels * stream->packet_share * sizeof *stream->packets + 63u) & ~(size_t)63u;
+    return (stream->packet_share * sizeof *stream->packets + 63u) & ~(size_t)63u;
 }
 
 HYI_INLINE size_t hyi_ray_stream_bytes(const hyi_ray_stream *stream) {
     if (stream->capacity == 0) return 0;
-    return hyi_packets_bytes(stream) + stream->levels * stream->capacity * sizeof *stream->flights +
-           (2u * (size_t)stream->sorted + stream->list_count) * sizeof(uint32_t) + stream->sorted;
+    return hyi_packets_bytes(stream) + stream->levels * stream->capacity * sizeof *stream->flights + stream->list_count * sizeof(uint32_t);
 }
 
 HYI_FN void hyi_ray_stream_free(hydra_context *context, hyi_ray_stream *stream) {
@@ -90,19 +84,12 @@ HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel
     stream->packets = (hyi_packet *)block;
     stream->flights = (hyi_flight *)(void *)((char *)block + hyi_packets_bytes(stream));
     stream->lists = (uint32_t *)(void *)(stream->flights + stream->levels * stream->capacity);
-    stream->order = stream->lists + stream->list_count;
-    stream->keys = (uint8_t *)(void *)(stream->order + 2u * stream->sorted);
     return HYDRA_OK;
 }
 
 /* ---- one by one */
 
 /* The tracing functions say whether all rays were sound. */
-HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
-    hyk_ray ray = hyi_load_ray(at);
-    return hyi_ray_is_sound(&ray);
-}
-
 /* false: the ray meets nothing, and may be unsound. */
 HYI_INLINE bool hyi_trace_one(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
     bool flies = false;
@@ -123,88 +110,14 @@ HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const
 
 /* ---- streams */
 
-/* Begins the flights of some rays one by one; those that meet nothing are answered at once. Returns how many fly. */
-HYI_FN uint32_t hyi_begin_each(const hyi_site *site, hyi_flight *flights, const hyk_ray *rays, const hyi_answers *answers,
-                               const uint32_t *order, uint32_t count, bool *sound) {
-    uint32_t flying = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t k = order[i];
-        if (hyi_flight_begin(&flights[flying], site->bvh, &rays[k], FLT_MAX)) {
-            flying++;
-        } else {
-            *sound = hyi_was_sound(&rays[k]) && *sound;
-            hyi_tell(site->accel, &flights[flying], answers, k);
-        }
-    }
-    return flying;
-}
-
-/* count rays, at most capacity, by their numbers in order. */
-HYI_FN bool hyi_trace_slice(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
-                            const uint32_t *order, uint32_t count) {
-    uint32_t flying = 0, lanes = hyi_isa_lanes(site->accel->isa);
-    bool sound = true;
-    for (uint32_t first = 0; first < count; first += lanes) {
-        uint32_t some = count - first < lanes ? count - first : lanes;
-        bool together = false;
-        for (uint32_t i = first + lanes; i < count && i < first + 2u * lanes; i++) hyi_prefetch(&rays[order[i]]);
-        if (some == lanes && site->bvh->rows)
-            HYI_DISPATCH_VECTOR(site->accel->isa, together = hyi_begin_flights, (site->bvh, rays, order + first, stream->flights + flying))
-        if (together) flying += lanes;
-        else flying += hyi_begin_each(site, stream->flights + flying, rays, answers, order + first, some, &sound);
-    }
-    HYI_DISPATCH_VECTOR(site->accel->isa, hyi_run_flights, (site, stream, flying, stream->lists, false, answers->occluded != NULL))
-    for (uint32_t i = 0; i < flying; i++) {
-        const hyi_flight *flight = &stream->flights[i];
-        size_t k = (size_t)(flight->ray - rays);
-        hyi_tell(site->accel, flight, answers, k);
-    }
-    return sound;
-}
-
-/* Rays by their numbers in others: sorted by direction, then a slice at a time. sorted: room for as many. */
-HYI_FN bool hyi_trace_others(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
-                             const uint32_t *others, uint32_t *sorted, uint32_t count) {
-    uint32_t starts[HYI_RAY_GROUPS + 1];
-    bool sound = true;
-    hyi_group(stream->keys, count, sorted, starts);
-    for (uint32_t i = 0; i < count; i++) sorted[i] = others[sorted[i]];
-    for (uint32_t at = 0; at < count; at += stream->capacity) {
-        uint32_t slice = count - at < stream->capacity ? count - at : stream->capacity;
-        sound = hyi_trace_slice(site, stream, rays, answers, sorted + at, slice) && sound;
-    }
-    return sound;
-}
-
-/* Up to HYI_STREAM_SORTED rays: the alike go in packets, the rest is listed in others, with its keys, and counted. */
-HYI_FN uint32_t hyi_trace_alike(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
-                                uint32_t count, uint32_t *others) {
-    uint32_t rest = 0;
-    for (uint32_t first = 0; first < count; first += stream->capacity) {
-        uint32_t some = count - first < stream->capacity ? count - first : stream->capacity, left = 0;
-        hyi_answers from = hyi_answers_from(answers, first);
-        HYI_DISPATCH_VECTOR(site->accel->isa, left = hyi_run_alike_rays, (site, stream, rays + first, &from, some, others + rest, stream->keys + rest))
-        for (uint32_t i = 0; i < left; i++) others[rest + i] += first;
-        rest += left;
-    }
-    return rest;
-}
-
 HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     hyi_site site = hyi_first_site(accel);
-    uint32_t room = stream->sorted, *others = stream->order, *sorted = others + room;
-    bool sound = true;
+    bool sound = true, whole = true;
     for (uint32_t first = 0, some; first < count; first += some) {
         hyi_answers from = hyi_answers_from(answers, first);
-        some = count - first < room ? count - first : room;
-        uint32_t rest = some;
-        if (site.bvh->rows) rest = hyi_trace_alike(&site, stream, rays + first, &from, some, others);
-        else
-            for (uint32_t i = 0; i < some; i++) {
-                others[i] = i;
-                stream->keys[i] = hyi_direction_key(hyi_load_ray(&rays[first + i]).direction);
-            }
-        sound = hyi_trace_others(&site, stream, rays + first, &from, others, sorted, rest) && sound;
+        some = count - first < stream->capacity ? count - first : stream->capacity;
+        HYI_DISPATCH_VECTOR(accel->isa, whole = hyi_trace_slice, (&site, stream, rays + first, &from, some))
+        sound = sound && whole;
     }
     return sound;
 }

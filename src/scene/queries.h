@@ -4,7 +4,7 @@
 
 #include "commit.h"
 
-#define HYI_QUERY_BATCH HYI_STREAM_SORTED /* rays whose answers are still near when light shapes are looked for */
+#define HYI_QUERY_BATCH 65536u /* rays whose answers are still near when light shapes are looked for */
 
 HYI_STATIC_ASSERT(sizeof(hydra_ray) == sizeof(hyk_ray) && offsetof(hydra_ray, t_max) == offsetof(hyk_ray, t_max));
 
@@ -51,7 +51,7 @@ HYI_FN bool hyi_query_here(const hydra_scene *scene, const hyk_ray *rays, const 
 
 /* The same on a backend, whose hits wait in memory until they are told. */
 HYI_FN hydra_result hyi_query_device(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
-    size_t batch = count < HYI_STREAM_SORTED ? count : HYI_STREAM_SORTED;
+    size_t batch = count < HYI_QUERY_BATCH ? count : HYI_QUERY_BATCH;
     hydra_result result = HYDRA_OK;
     hyk_hit *found = NULL;
     if (hits) HYI_TRY(hyi_try_alloc(scene->context, batch * sizeof *found, (void **)&found));

@@ -1,0 +1,185 @@
+/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
+
+typedef struct HYI_I(hyi_block) {
+    HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
+    HYI_FW t_min, t_limit;
+    HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
+} HYI_I(hyi_block);
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
+
+/* Bits of lanes that are within -limit and limit; what is not a number is not. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
+    return HYI_BITSW(HYI_LEW(HYI_I(hyi_size_all)(v), HYI_SETW(limit)));
+}
+
+/* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_ray *rays, HYI_I(hyi_block) *block) {
+    float words[8][HYI_PACKET_WIDTH];
+    HYI_RAY_WORDS(rays, words);
+    HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
+    block->t_min = HYI_LOADW(words[3]);
+    block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, FLT_MAX) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    for (uint32_t a = 0; a < 3; a++) {
+        block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
+        block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
+        block->size[a] = HYI_I(hyi_size_all)(block->direction[a]);
+        block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
+        fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
+    }
+    HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
+    block->y = HYI_LTW(block->size[0], block->size[1]);
+    block->z = HYI_LTW(of_two, block->size[2]);
+    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
+}
+
+/* Whether the directions have in common what hyi_aim_group says. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(const HYI_I(hyi_block) *block, uint32_t *group) {
+    uint32_t y = HYI_BITSW(block->y), z = HYI_BITSW(block->z);
+    *group = (z ? 2u : y ? 1u : 0u) << 3;
+    for (uint32_t a = 0; a < 3; a++) {
+        uint32_t falls = HYI_BITSW(block->falls[a]);
+        if (falls != 0u && falls != HYI_ALLW) return false;
+        *group |= (falls ? 1u : 0u) << a;
+    }
+    return z == HYI_ALLW || (z == 0u && (y == 0u || y == HYI_ALLW));
+}
+
+/* Of values by axis of space, that of axis k in the sheared frame of each ray: see hyi_aim_shear. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_turn)(const HYI_I(hyi_block) *block, const HYI_FW v[3], uint32_t k) {
+    return HYI_CHOOSEW(block->z, v[k], HYI_CHOOSEW(block->y, v[(k + 2u) % 3u], v[(k + 1u) % 3u]));
+}
+
+/* hyi_aim_shear for all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
+    for (int half = 0; half < 2; half++) {
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_STOREH(packet->inverse_z, half, t_by_z);
+        HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
+    }
+}
+
+/* What packets and flights have in common. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    HYI_FW slack = HYI_SETW(4.0f * HYI_ULP);
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_FW sign = HYI_CHOOSEW(block->falls[a], HYI_SETW(-1.0f), HYI_SETW(1.0f));
+        HYI_STOREW(o[a], block->origin[a]);
+        HYI_STOREW(inverse[a], HYI_DIVW(sign, HYI_MAXW(block->size[a], HYI_SETW(HYI_STEADY))));
+        HYI_STOREW(packet->origin[a], HYI_I(hyi_turn)(block, block->origin, a));
+        HYI_STOREW(packet->direction[a], HYI_I(hyi_turn)(block, block->direction, a));
+    }
+    HYI_STOREW(packet->t_min, block->t_min);
+    HYI_STOREW(packet->best_t, block->t_limit);
+    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_I(hyi_size_all)(block->t_min), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_I(hyi_size_all)(block->t_limit), slack)));
+    HYI_I(hyi_shear_packet)(packet);
+}
+
+/* Makes a packet of rays first, first + 1, ... of what was filled in; false: they are too different. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packet, uint32_t first,
+                                                float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    if (!HYI_I(hyi_find_group)(block, &packet->group) || !HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
+    packet->count = HYI_LANES;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        packet->ray[i] = first + i;
+        packet->instance[i] = packet->primitive[i] = HYK_NONE;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
+    }
+    return true;
+}
+
+/* ---- flights */
+
+/* hyi_reach for all lanes. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW origin, int axis, bool loose) {
+    HYI_FW lower = HYI_SETW(box->lower[axis]), upper = HYI_SETW(box->upper[axis]);
+    HYI_FW below = HYI_I(hyi_size_all)(HYI_SUBW(lower, origin)), above = HYI_I(hyi_size_all)(HYI_SUBW(upper, origin));
+    if (!loose) return HYI_MAXW(below, above);
+    HYI_FW larger = HYI_MAXW(HYI_I(hyi_size_all)(lower), HYI_I(hyi_size_all)(upper));
+    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_I(hyi_size_all)(origin)));
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+    HYI_FW reach[3];
+    for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
+    HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
+    for (int a = 0; a < 3; a++) {
+        HYI_FW v = block->origin[a], size = HYI_I(hyi_size_all)(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
+        bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
+        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
+        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+    }
+}
+
+/* A whole number in all lanes: these are only moved, and chosen from. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
+    float bits;
+    memcpy(&bits, &value, sizeof bits);
+    return HYI_SETW(bits);
+}
+
+/* hyi_aim.near_plane and .axis of all lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, float plane[3][HYI_PACKET_WIDTH], float axis[3][HYI_PACKET_WIDTH]) {
+    const HYI_FW axes[3] = {HYI_I(hyi_whole)(0), HYI_I(hyi_whole)(1), HYI_I(hyi_whole)(2)};
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(2u * a + 1u), HYI_I(hyi_whole)(2u * a)));
+        HYI_STOREW(axis[a], HYI_I(hyi_turn)(block, axes, a));
+    }
+}
+
+/* Flights of rays first, first + 1, ... of what was filled into a packet. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
+                                                  const hyk_ray *rays, hyi_flight *flights) {
+    float near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
+    float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
+    static const uint32_t none[HYI_PACKET_WIDTH] = {0};
+    hyi_flight blank;
+    memset(&blank, 0, sizeof blank);
+    blank.aim.unit = blank.aim.inverse_unit = 1.0;
+    blank.best.instance = blank.best.primitive = HYK_NONE;
+    for (uint32_t i = 0; i < HYI_LANES; i++) flights[i] = blank;
+    HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
+    HYI_I(hyi_name_axes)(block, plane, axis);
+    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
+                             p->t_near, p->t_far, plane[0], plane[1], plane[2], p->inverse_z, p->best_t};
+    const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
+                                 p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &flights[i];
+        flight->aim.t_by_z = p->t_by_z[i];
+        flight->best.t = p->best_t[i];
+        flight->t_min = p->t_min[i];
+        flight->ray = &rays[i];
+    }
+}
+
+/* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
+   are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
+HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
+                                             uint32_t count, hyi_begun *begun) {
+    for (uint32_t first; (first = begun->rays) < count && begun->packets < stream->packet_share; begun->rays += HYI_LANES) {
+        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+        uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
+        hyi_packet *packet = &stream->packets[begun->packets];
+        HYI_I(hyi_block) block;
+        if (some < HYI_LANES || !HYI_I(hyi_load_block)(site->bvh, rays + first, &block)) {
+            hyi_begin_each(site, stream, rays, answers, first, some, begun);
+            continue;
+        }
+        HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
+        if (site->bvh->rows && HYI_I(hyi_pack_rays)(site->bvh, &block, packet, first, o, inverse)) {
+            begun->packets++;
+            continue;
+        }
+        HYI_I(hyi_cut_flights)(site->bvh, &block, packet, inverse, rays + first, stream->flights + begun->flights);
+        begun->flights += HYI_LANES;
+    }
+}
