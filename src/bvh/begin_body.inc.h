@@ -34,16 +34,11 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
 }
 
-/* Whether the directions have in common what hyi_aim_group says. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(const HYI_I(hyi_block) *block, uint32_t *group) {
-    uint32_t y = HYI_BITSW(block->y), z = HYI_BITSW(block->z);
-    *group = (z ? 2u : y ? 1u : 0u) << 3;
-    for (uint32_t a = 0; a < 3; a++) {
-        uint32_t falls = HYI_BITSW(block->falls[a]);
-        if (falls != 0u && falls != HYI_ALLW) return false;
-        *group |= (falls ? 1u : 0u) << a;
-    }
-    return z == HYI_ALLW || (z == 0u && (y == 0u || y == HYI_ALLW));
+/* hyi_aim_group of each lane, as a number. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_find_groups)(const HYI_I(hyi_block) *block) {
+    HYI_FW zero = HYI_ZEROW(), group = HYI_CHOOSEW(block->z, HYI_SETW(16.0f), HYI_CHOOSEW(block->y, HYI_SETW(8.0f), zero));
+    for (uint32_t a = 0; a < 3; a++) group = HYI_ADDW(group, HYI_CHOOSEW(block->falls[a], HYI_SETW((float)(1u << a)), zero));
+    return group;
 }
 
 /* Of values by axis of space, that of axis k in the sheared frame of each ray: see hyi_aim_shear. */
@@ -78,17 +73,88 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block,
     HYI_I(hyi_shear_packet)(packet);
 }
 
-/* Makes a packet of rays first, first + 1, ... of what was filled in; false: they are too different. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packet, uint32_t first,
+/* Makes a packet of the rays in live, which are of one group, out of what was filled in; first: the number of the block's first
+   ray; false: they are too different. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, hyi_packet *packet, uint32_t first, uint32_t live, uint32_t group,
                                                 float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    if (!HYI_I(hyi_find_group)(block, &packet->group) || !HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
-    packet->count = HYI_LANES;
+    packet->group = group;
+    if (!HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
+    packet->live = live;
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         packet->ray[i] = first + i;
         packet->instance[i] = packet->primitive[i] = HYK_NONE;
         packet->leaf.word[i] = packet->triangle.word[i] = 0;
     }
     return true;
+}
+
+/* Gives the lanes that are not live the value of one that is. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_spread_value)(float to[HYI_PACKET_WIDTH], const float from[HYI_PACKET_WIDTH], HYI_MW live, uint32_t lane) {
+    HYI_STOREW(to, HYI_CHOOSEW(live, HYI_LOADW(from), HYI_SETW(from[lane])));
+}
+
+/* hyi_pack_rays of some lanes of a block: the others are taken out of what bounds are made of. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet *filled, hyi_packet *packet, uint32_t first, HYI_MW live, uint32_t group,
+                                            float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float at[3][HYI_PACKET_WIDTH], of[3][HYI_PACKET_WIDTH];
+    uint32_t lane = hyi_lowest_bit(HYI_BITSW(live));
+    HYI_FW never = HYI_SETW(-FLT_MAX);
+    *packet = *filled;
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_I(hyi_spread_value)(at[a], o[a], live, lane);
+        HYI_I(hyi_spread_value)(of[a], inverse[a], live, lane);
+        HYI_I(hyi_spread_value)(packet->origin[a], filled->origin[a], live, lane);
+        if (a < 2) HYI_I(hyi_spread_value)(packet->shear[a], filled->shear[a], live, lane);
+    }
+    HYI_I(hyi_spread_value)(packet->t_near, filled->t_near, live, lane);
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(live, HYI_LOADW(filled->t_far), never));
+    HYI_STOREW(packet->best_t, HYI_CHOOSEW(live, HYI_LOADW(filled->best_t), never));
+    return HYI_I(hyi_pack_rays)(bvh, packet, first, HYI_BITSW(live), group, at, of);
+}
+
+/* Packets of the groups of a block, the first of which is filled with all of it, where there are enough of one. Returns the
+   bits of the rays that go in none; to each group of these belong too few. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW groups, hyi_packet *packets, uint32_t first, float o[3][HYI_PACKET_WIDTH],
+                                                  float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    float group[HYI_PACKET_WIDTH];
+    hyi_packet filled = packets[0];
+    uint32_t rest = 0;
+    HYI_STOREW(group, groups);
+    for (uint32_t left = HYI_ALLW, some; left; left &= ~some) {
+        float one = group[hyi_lowest_bit(left)];
+        HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
+        some = HYI_BITSW(live);
+        bool enough = hyi_count_bits(some & 0xffu) + hyi_count_bits(some >> 8) >= HYI_PACKET_LEAST;
+        if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
+        else rest |= some;
+    }
+    packets[*made] = filled;
+    return rest;
+}
+
+/* Whether the lanes have no more than HYI_PACKET_GROUPS different groups. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_few_groups)(HYI_FW groups, const float group[HYI_PACKET_WIDTH]) {
+    uint32_t left = HYI_ALLW;
+    for (uint32_t g = 0; g < HYI_PACKET_GROUPS && left; g++) left &= ~HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[hyi_lowest_bit(left)])));
+    return left == 0;
+}
+
+/* Packets of a block of rays, the first of which is filled with all of it; returns the bits of the rays that go in none: what was
+   filled in is then in the packet after those made. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packets, uint32_t first,
+                                                     float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    HYI_FW groups = HYI_I(hyi_find_groups)(block);
+    float group[HYI_PACKET_WIDTH];
+    uint32_t here = 0, rest = HYI_ALLW;
+    HYI_STOREW(group, groups);
+    if (HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[0]))) == HYI_ALLW) {
+        if (!HYI_I(hyi_pack_rays)(bvh, packets, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) return HYI_ALLW;
+        ++*made;
+        return 0;
+    }
+    if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
+    *made += here;
+    return rest;
 }
 
 /* ---- flights */
@@ -165,7 +231,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
    are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                              uint32_t count, hyi_begun *begun) {
-    for (uint32_t first; (first = begun->rays) < count && begun->packets < stream->packet_share; begun->rays += HYI_LANES) {
+    for (uint32_t first; (first = begun->rays) < count && begun->packets + HYI_LANES / HYI_PACKET_LEAST < stream->packet_share; begun->rays += HYI_LANES) {
         float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         hyi_packet *packet = &stream->packets[begun->packets];
@@ -175,11 +241,9 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
             continue;
         }
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        if (site->bvh->rows && HYI_I(hyi_pack_rays)(site->bvh, &block, packet, first, o, inverse)) {
-            begun->packets++;
-            continue;
-        }
-        HYI_I(hyi_cut_flights)(site->bvh, &block, packet, inverse, rays + first, stream->flights + begun->flights);
-        begun->flights += HYI_LANES;
+        uint32_t rest = site->bvh->rows ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        if (rest == 0) continue;
+        HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
+        begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
 }

@@ -497,11 +497,14 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
 }
 
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
-    for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
+    }
 }
 
 HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = HYI_ALLW;
+    uint32_t left = packet->live;
     for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
     for (; left; left &= left - 1u) {
         uint32_t ray = packet->ray[hyi_lowest_bit(left)];
@@ -572,7 +575,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->leaf.word[i] = packet->triangle.word[i] = 0;
         packet->ray[i] = rays[i < count ? i : 0u];
     }
-    packet->count = count;
+    packet->live = (1u << count) - 1u;
     packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
     return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
@@ -580,11 +583,14 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 /* Hits that are not the packet's own are the flights' already. */
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
     HYI_I(hyi_finds) finds;
-    for (uint32_t i = 0; i < packet->count; i++) swarm->flights[packet->ray[i]].best.instance = packet->instance[i];
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
+    }
     if (swarm->any) return;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
     for (uint32_t f = 0; f < finds.count; f++) {
-        for (uint32_t left = finds.lanes[f] & ((1u << packet->count) - 1u); left; left &= left - 1u) {
+        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
             uint32_t lane = hyi_lowest_bit(left);
             hyi_flight *flight = &swarm->flights[packet->ray[lane]];
             flight->best.t = finds.t[lane];

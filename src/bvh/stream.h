@@ -22,6 +22,8 @@
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
 #define HYI_PACKET_WIDTH 16u     /* at most */
+#define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
+#define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
 #define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 
@@ -37,8 +39,8 @@ typedef union hyi_lane_words {
 } hyi_lane_words;
 
 /* As many rays as a vector has lanes: bounds of all for the node test, and for triangles what hyi_aim and hyi_best hold
-   of one ray, in the units of the tree, with hyi_aim.unit 1. Lanes beyond the last ray repeat the first one with limits
-   that nothing meets. */
+   of one ray, in the units of the tree, with hyi_aim.unit 1. Lanes without a ray lie within the bounds
+   of the others, with limits that nothing meets. */
 typedef struct hyi_packet {
     float origin[3][HYI_PACKET_WIDTH], direction[3][HYI_PACKET_WIDTH], shear[2][HYI_PACKET_WIDTH]; /* in the order of axis */
     float inverse[3][HYI_PACKET_WIDTH]; /* likewise, of the direction kept from zero */
@@ -53,7 +55,7 @@ typedef struct hyi_packet {
     float bound[3];                      /* of the error of each origin, by which slabs are thicker */
     float first_t, last_t;
     uint32_t spread;                     /* 1: they begin at different points, and bounds of all say little of each */
-    uint32_t count, group;               /* rays; what their directions have in common: see hyi_aim_group */
+    uint32_t live, group;                /* bits of the lanes with a ray; what their directions have in common: see hyi_aim_group */
     float shear_low[2], shear_high[2];
     uint32_t unused[6];                 /* fills the last cache line: vectors of rays lie in one each */
 } hyi_packet;
@@ -153,6 +155,17 @@ HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
 }
 
 /* ---- beginning */
+
+/* Of flights side by side, keeps those whose bits are set; returns how many these are. */
+HYI_INLINE uint32_t hyi_keep_flights(hyi_flight *flights, uint32_t bits) {
+    uint32_t kept = 0;
+    for (; bits; bits &= bits - 1u) {
+        uint32_t lane = hyi_lowest_bit(bits);
+        if (lane != kept) flights[kept] = flights[lane];
+        kept++;
+    }
+    return kept;
+}
 
 HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
     hyk_ray ray = hyi_load_ray(at);
