@@ -74,7 +74,10 @@ REFERENCES are named where the method stands in the implementation.
 #define HYDRA_H
 
 #if defined(HYDRA_IMPLEMENTATION) && defined(__STRICT_ANSI__) && !defined(_POSIX_C_SOURCE) && !defined(_GNU_SOURCE)
-#define _POSIX_C_SOURCE 200809L /* -std=c99 hides the monotonic clock otherwise */
+#define _POSIX_C_SOURCE 200809L /* -std=c99 hides the monotonic clock otherwise, */
+#if !defined(_DEFAULT_SOURCE)
+#define _DEFAULT_SOURCE 1 /* and huge pages */
+#endif
 #endif
 
 #include <stddef.h>

@@ -42,16 +42,25 @@ HYI_NOINLINE hydra_result hyi_fail(hydra_context *context, hydra_result result, 
 
 /* ---- memory. Every block is freed with the size it was asked for with. */
 
+/* Blocks that span several huge pages ask for them, where the system gives them to who asks: arrays that are read here and
+   there then miss the table of pages less often, and fresh ones have fewer pages to be made. The last part of one stays in
+   small pages, so that no more memory is taken than asked for. */
+#define HYI_HUGE_PAGE ((size_t)1 << 21)
+
 HYI_FN void *hyi_default_alloc(void *user, size_t size) {
     (void)user;
 #if defined(_WIN32)
     return _aligned_malloc(size, 64);
 #else /* posix_memalign is hidden in strict C99: align by hand, keeping malloc's pointer before the block */
-    char *block = size <= SIZE_MAX - 64 - sizeof(void *) ? (char *)malloc(size + 64 + sizeof(void *)) : NULL;
+    size_t alignment = size >= 2u * HYI_HUGE_PAGE ? HYI_HUGE_PAGE : 64u;
+    char *block = size <= SIZE_MAX - alignment - sizeof(void *) ? (char *)malloc(size + alignment + sizeof(void *)) : NULL;
     if (!block) return NULL;
     char *aligned = block + sizeof(void *);
-    aligned += (64 - (uintptr_t)aligned % 64) % 64;
+    aligned += (alignment - (uintptr_t)aligned % alignment) % alignment;
     memcpy(aligned - sizeof(void *), &block, sizeof block);
+#if defined(MADV_HUGEPAGE)
+    if (alignment == HYI_HUGE_PAGE) (void)madvise(aligned, size - size % HYI_HUGE_PAGE, MADV_HUGEPAGE);
+#endif
     return aligned;
 #endif
 }

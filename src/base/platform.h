@@ -23,6 +23,7 @@
 #endif
 #include <windows.h>
 #else
+#include <sys/mman.h>
 #include <sys/time.h>
 #include <time.h>
 #include <unistd.h>

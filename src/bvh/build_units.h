@@ -13,6 +13,7 @@
 #define HYI_UNIT_VISIT 1.0f
 #define HYI_UNIT_TRIANGLE 0.05f
 #define HYI_UNIT_PLACE 0.16f
+#define HYI_MERGE_FEW 1000000u /* passes end when one has merged less than this part of the units */
 
 /* A unit is a reference whose id is its first place in the order, and lane 3 of upper its number of triangles. */
 HYI_INLINE uint32_t hyi_unit_count(const hyi_ref *unit) {
@@ -31,73 +32,42 @@ HYI_INLINE float hyi_unit_cost(const hyi_bounds *box, uint32_t count) {
     return hyi_bounds_area(box) * (HYI_UNIT_VISIT + HYI_UNIT_TRIANGLE * (float)count);
 }
 
-/* A unit on its way through a pass. */
-typedef struct hyi_walker {
-    hyi_bounds box;
-    uint32_t first, count;
-    float cost;
-} hyi_walker;
-
-HYI_INLINE hyi_walker hyi_take_unit(const hyi_ref *unit) {
-    hyi_walker w;
-    w.box = hyi_ref_box(unit);
-    w.first = hyi_ref_id(unit);
-    w.count = hyi_unit_count(unit);
-    w.cost = hyi_unit_cost(&w.box, w.count);
-    return w;
+/* What merging each unit with the next one adds to the cost of the tree; FLT_MAX: that makes too large a unit, or there is
+   no next. Nothing of a pass depends on the merges of the same pass, and no branch on the losses. */
+HYI_FN void hyi_merge_losses(const hyi_ref *units, uint32_t count, uint32_t most, float *losses) {
+    hyi_bounds box = hyi_ref_box(&units[0]);
+    uint32_t triangles = hyi_unit_count(&units[0]);
+    float cost = hyi_unit_cost(&box, triangles);
+    for (uint32_t i = 0; i + 1u < count; i++) {
+        hyi_bounds next = hyi_ref_box(&units[i + 1u]);
+        uint32_t more = hyi_unit_count(&units[i + 1u]), all = triangles + more;
+        hyi_bounds_add(&box, next.lower, next.upper);
+        float merged = hyi_bounds_area(&box) * (HYI_UNIT_VISIT - HYI_UNIT_PLACE + HYI_UNIT_TRIANGLE * (float)all);
+        float alone = hyi_unit_cost(&next, more);
+        losses[i] = all <= most ? merged - cost - alone : FLT_MAX;
+        box = next;
+        triangles = more;
+        cost = alone;
+    }
+    losses[count - 1u] = FLT_MAX;
 }
 
-/* What merging two neighbours adds to the cost of the tree. */
-HYI_INLINE float hyi_merge_loss(const hyi_walker *a, const hyi_walker *b, uint32_t most) {
-    hyi_bounds box = a->box;
-    uint32_t count = a->count + b->count;
-    if (count > most) return FLT_MAX;
-    hyi_bounds_add(&box, b->box.lower, b->box.upper);
-    float area = hyi_bounds_area(&box);
-    return area * (HYI_UNIT_VISIT - HYI_UNIT_PLACE + HYI_UNIT_TRIANGLE * (float)count) - a->cost - b->cost;
-}
-
-/* Three neighbours, and what merging each with the next would lose; FLT_MAX: there is no next. */
-typedef struct hyi_merge {
-    const hyi_ref *units;
-    uint32_t count, at, most; /* most: triangles of a unit */
-    hyi_walker a, b, c;
-    float before, here, after;
-} hyi_merge;
-
-HYI_INLINE float hyi_look_ahead(const hyi_merge *merge, uint32_t ahead, const hyi_walker *from, hyi_walker *to) {
-    if (merge->at + ahead >= merge->count) return FLT_MAX;
-    *to = hyi_take_unit(&merge->units[merge->at + ahead]);
-    return hyi_merge_loss(from, to, merge->most);
-}
-
-/* Merges each pair of neighbours that no other neighbour suits better; returns how many units are left. */
-HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count, uint32_t most) {
-    hyi_merge m;
-    uint32_t left = 0;
-    m.units = units;
-    m.count = count;
-    m.most = most;
-    m.at = 0;
-    m.a = m.b = m.c = hyi_take_unit(&units[0]);
-    m.before = FLT_MAX;
-    m.here = hyi_look_ahead(&m, 1, &m.a, &m.b);
-    while (m.at < count) {
-        m.after = hyi_look_ahead(&m, 2, &m.b, &m.c);
-        if (m.here < 0.0f && m.here < m.before && m.here <= m.after) {
-            hyi_bounds_add(&m.a.box, m.b.box.lower, m.b.box.upper);
-            hyi_unit_set(&units[left++], &m.a.box, m.a.first, m.a.count + m.b.count);
-            m.at += 2u;
-            m.before = m.after;
-            m.a = m.c;
-            m.here = hyi_look_ahead(&m, 1, &m.a, &m.b);
-        } else {
-            units[left++] = units[m.at++];
-            m.before = m.here;
-            m.here = m.after;
-            m.a = m.b;
-            m.b = m.c;
-        }
+/* Merges each pair of neighbours that no other neighbour suits better; returns how many units are left. losses: room. */
+HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count, uint32_t most, float *losses) {
+    uint32_t left = 0, taken = 0; /* taken: 1: the unit before has this one in it */
+    float before = FLT_MAX;
+    hyi_merge_losses(units, count, most, losses);
+    for (uint32_t i = 0; i < count; i++) {
+        float here = losses[i], after = losses[i + 1u < count ? i + 1u : i];
+        uint32_t merges = (uint32_t)(here < 0.0f) & (uint32_t)(here < before) & (uint32_t)(here <= after);
+        const hyi_ref *unit = &units[i], *other = unit + merges;
+        hyi_bounds box = hyi_ref_box(unit), next = hyi_ref_box(other);
+        uint32_t triangles = hyi_unit_count(unit) + merges * hyi_unit_count(other);
+        hyi_bounds_add(&box, next.lower, next.upper);
+        hyi_unit_set(&units[left], &box, hyi_ref_id(unit), triangles);
+        left += 1u - taken; /* what was written of one that is taken, the next one replaces */
+        taken = merges;
+        before = here;
     }
     return left;
 }
@@ -114,6 +84,7 @@ HYI_FN void hyi_merge_chunk(void *argument, uint32_t chunk) {
     hyi_build *build = units->build;
     uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, build->primitive_count), count = end - begin, before;
     hyi_ref *room = build->other + begin;
+    float losses[HYI_BUILD_CHUNK];
     for (uint32_t i = begin; i < end; i++) {
         const hyi_ref *ref = &build->refs[(uint32_t)units->keys[i]];
         hyi_bounds box = hyi_ref_box(ref);
@@ -122,8 +93,8 @@ HYI_FN void hyi_merge_chunk(void *argument, uint32_t chunk) {
     }
     do {
         before = count;
-        count = hyi_merge_pass(room, count, build->leaf_max);
-    } while (count < before);
+        count = hyi_merge_pass(room, count, build->leaf_max, losses);
+    } while (count < before - before / HYI_MERGE_FEW);
     build->chunks[chunk].kept = count;
 }
 
