@@ -12,7 +12,7 @@
 #include "build_split.h"
 
 #define HYI_SPATIAL_BINS 16u
-#define HYI_SPATIAL_LEAST 32u                  /* smaller ranges are cut by objects alone */
+#define HYI_SPATIAL_LEAST 64u                  /* smaller ranges are cut by objects alone */
 #define HYI_SPATIAL_OVERLAP 2.0e-4f            /* of the root's surface: the least overlap that a spatial split may mend */
 #define HYI_SPATIAL_GAIN 0.99f                 /* of the object split's cost: what the spatial one must stay below */
 #define HYI_SPATIAL_SLOP 9.5367431640625e-07f  /* 2^-20 */

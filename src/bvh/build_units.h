@@ -13,7 +13,7 @@
 #define HYI_UNIT_VISIT 1.0f
 #define HYI_UNIT_TRIANGLE 0.05f
 #define HYI_UNIT_PLACE 0.16f
-#define HYI_MERGE_FEW 1000000u /* passes end when one has merged less than this part of the units */
+#define HYI_MERGE_FEW 64u /* passes end when one has merged less than this part of the units */
 
 /* A unit is a reference whose id is its first place in the order, and lane 3 of upper its number of triangles. */
 HYI_INLINE uint32_t hyi_unit_count(const hyi_ref *unit) {
