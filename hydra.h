@@ -76,7 +76,10 @@ REFERENCES are named where the method stands in the implementation.
 #define HYDRA_H
 
 #if defined(HYDRA_IMPLEMENTATION) && defined(__STRICT_ANSI__) && !defined(_POSIX_C_SOURCE) && !defined(_GNU_SOURCE)
-#define _POSIX_C_SOURCE 200809L /* -std=c99 hides the monotonic clock otherwise */
+#define _POSIX_C_SOURCE 200809L /* -std=c99 hides the monotonic clock otherwise, */
+#if !defined(_DEFAULT_SOURCE)
+#define _DEFAULT_SOURCE 1 /* and huge pages */
+#endif
 #endif
 
 #include <stddef.h>
@@ -814,6 +817,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
 #endif
 #include <windows.h>
 #else
+#include <sys/mman.h>
 #include <sys/time.h>
 #include <time.h>
 #include <unistd.h>
@@ -1073,16 +1077,25 @@ HYI_NOINLINE hydra_result hyi_fail(hydra_context *context, hydra_result result, 
 
 /* ---- memory. Every block is freed with the size it was asked for with. */
 
+/* Blocks that span several huge pages ask for them, where the system gives them to who asks: arrays that are read here and
+   there then miss the table of pages less often, and fresh ones have fewer pages to be made. The last part of one stays in
+   small pages, so that no more memory is taken than asked for. */
+#define HYI_HUGE_PAGE ((size_t)1 << 21)
+
 HYI_FN void *hyi_default_alloc(void *user, size_t size) {
     (void)user;
 #if defined(_WIN32)
     return _aligned_malloc(size, 64);
 #else /* posix_memalign is hidden in strict C99: align by hand, keeping malloc's pointer before the block */
-    char *block = size <= SIZE_MAX - 64 - sizeof(void *) ? (char *)malloc(size + 64 + sizeof(void *)) : NULL;
+    size_t alignment = size >= 2u * HYI_HUGE_PAGE ? HYI_HUGE_PAGE : 64u;
+    char *block = size <= SIZE_MAX - alignment - sizeof(void *) ? (char *)malloc(size + alignment + sizeof(void *)) : NULL;
     if (!block) return NULL;
     char *aligned = block + sizeof(void *);
-    aligned += (64 - (uintptr_t)aligned % 64) % 64;
+    aligned += (alignment - (uintptr_t)aligned % alignment) % alignment;
     memcpy(aligned - sizeof(void *), &block, sizeof block);
+#if defined(MADV_HUGEPAGE)
+    if (alignment == HYI_HUGE_PAGE) (void)madvise(aligned, size - size % HYI_HUGE_PAGE, MADV_HUGEPAGE);
+#endif
     return aligned;
 #endif
 }
@@ -6145,6 +6158,7 @@ HYI_FN void hyi_sort_keys(hyi_sort *sort) {
 #define HYI_UNIT_VISIT 1.0f
 #define HYI_UNIT_TRIANGLE 0.05f
 #define HYI_UNIT_PLACE 0.16f
+#define HYI_MERGE_FEW 64u /* passes end when one has merged less than this part of the units */
 
 /* A unit is a reference whose id is its first place in the order, and lane 3 of upper its number of triangles. */
 HYI_INLINE uint32_t hyi_unit_count(const hyi_ref *unit) {
@@ -6163,73 +6177,42 @@ HYI_INLINE float hyi_unit_cost(const hyi_bounds *box, uint32_t count) {
     return hyi_bounds_area(box) * (HYI_UNIT_VISIT + HYI_UNIT_TRIANGLE * (float)count);
 }
 
-/* A unit on its way through a pass. */
-typedef struct hyi_walker {
-    hyi_bounds box;
-    uint32_t first, count;
-    float cost;
-} hyi_walker;
-
-HYI_INLINE hyi_walker hyi_take_unit(const hyi_ref *unit) {
-    hyi_walker w;
-    w.box = hyi_ref_box(unit);
-    w.first = hyi_ref_id(unit);
-    w.count = hyi_unit_count(unit);
-    w.cost = hyi_unit_cost(&w.box, w.count);
-    return w;
+/* What merging each unit with the next one adds to the cost of the tree; FLT_MAX: that makes too large a unit, or there is
+   no next. Nothing of a pass depends on the merges of the same pass, and no branch on the losses. */
+HYI_FN void hyi_merge_losses(const hyi_ref *units, uint32_t count, uint32_t most, float *losses) {
+    hyi_bounds box = hyi_ref_box(&units[0]);
+    uint32_t triangles = hyi_unit_count(&units[0]);
+    float cost = hyi_unit_cost(&box, triangles);
+    for (uint32_t i = 0; i + 1u < count; i++) {
+        hyi_bounds next = hyi_ref_box(&units[i + 1u]);
+        uint32_t more = hyi_unit_count(&units[i + 1u]), all = triangles + more;
+        hyi_bounds_add(&box, next.lower, next.upper);
+        float merged = hyi_bounds_area(&box) * (HYI_UNIT_VISIT - HYI_UNIT_PLACE + HYI_UNIT_TRIANGLE * (float)all);
+        float alone = hyi_unit_cost(&next, more);
+        losses[i] = all <= most ? merged - cost - alone : FLT_MAX;
+        box = next;
+        triangles = more;
+        cost = alone;
+    }
+    losses[count - 1u] = FLT_MAX;
 }
 
-/* What merging two neighbours adds to the cost of the tree. */
-HYI_INLINE float hyi_merge_loss(const hyi_walker *a, const hyi_walker *b, uint32_t most) {
-    hyi_bounds box = a->box;
-    uint32_t count = a->count + b->count;
-    if (count > most) return FLT_MAX;
-    hyi_bounds_add(&box, b->box.lower, b->box.upper);
-    float area = hyi_bounds_area(&box);
-    return area * (HYI_UNIT_VISIT - HYI_UNIT_PLACE + HYI_UNIT_TRIANGLE * (float)count) - a->cost - b->cost;
-}
-
-/* Three neighbours, and what merging each with the next would lose; FLT_MAX: there is no next. */
-typedef struct hyi_merge {
-    const hyi_ref *units;
-    uint32_t count, at, most; /* most: triangles of a unit */
-    hyi_walker a, b, c;
-    float before, here, after;
-} hyi_merge;
-
-HYI_INLINE float hyi_look_ahead(const hyi_merge *merge, uint32_t ahead, const hyi_walker *from, hyi_walker *to) {
-    if (merge->at + ahead >= merge->count) return FLT_MAX;
-    *to = hyi_take_unit(&merge->units[merge->at + ahead]);
-    return hyi_merge_loss(from, to, merge->most);
-}
-
-/* Merges each pair of neighbours that no other neighbour suits better; returns how many units are left. */
-HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count, uint32_t most) {
-    hyi_merge m;
-    uint32_t left = 0;
-    m.units = units;
-    m.count = count;
-    m.most = most;
-    m.at = 0;
-    m.a = m.b = m.c = hyi_take_unit(&units[0]);
-    m.before = FLT_MAX;
-    m.here = hyi_look_ahead(&m, 1, &m.a, &m.b);
-    while (m.at < count) {
-        m.after = hyi_look_ahead(&m, 2, &m.b, &m.c);
-        if (m.here < 0.0f && m.here < m.before && m.here <= m.after) {
-            hyi_bounds_add(&m.a.box, m.b.box.lower, m.b.box.upper);
-            hyi_unit_set(&units[left++], &m.a.box, m.a.first, m.a.count + m.b.count);
-            m.at += 2u;
-            m.before = m.after;
-            m.a = m.c;
-            m.here = hyi_look_ahead(&m, 1, &m.a, &m.b);
-        } else {
-            units[left++] = units[m.at++];
-            m.before = m.here;
-            m.here = m.after;
-            m.a = m.b;
-            m.b = m.c;
-        }
+/* Merges each pair of neighbours that no other neighbour suits better; returns how many units are left. losses: room. */
+HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count, uint32_t most, float *losses) {
+    uint32_t left = 0, taken = 0; /* taken: 1: the unit before has this one in it */
+    float before = FLT_MAX;
+    hyi_merge_losses(units, count, most, losses);
+    for (uint32_t i = 0; i < count; i++) {
+        float here = losses[i], after = losses[i + 1u < count ? i + 1u : i];
+        uint32_t merges = (uint32_t)(here < 0.0f) & (uint32_t)(here < before) & (uint32_t)(here <= after);
+        const hyi_ref *unit = &units[i], *other = unit + merges;
+        hyi_bounds box = hyi_ref_box(unit), next = hyi_ref_box(other);
+        uint32_t triangles = hyi_unit_count(unit) + merges * hyi_unit_count(other);
+        hyi_bounds_add(&box, next.lower, next.upper);
+        hyi_unit_set(&units[left], &box, hyi_ref_id(unit), triangles);
+        left += 1u - taken; /* what was written of one that is taken, the next one replaces */
+        taken = merges;
+        before = here;
     }
     return left;
 }
@@ -6246,6 +6229,7 @@ HYI_FN void hyi_merge_chunk(void *argument, uint32_t chunk) {
     hyi_build *build = units->build;
     uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, build->primitive_count), count = end - begin, before;
     hyi_ref *room = build->other + begin;
+    float losses[HYI_BUILD_CHUNK];
     for (uint32_t i = begin; i < end; i++) {
         const hyi_ref *ref = &build->refs[(uint32_t)units->keys[i]];
         hyi_bounds box = hyi_ref_box(ref);
@@ -6254,8 +6238,8 @@ HYI_FN void hyi_merge_chunk(void *argument, uint32_t chunk) {
     }
     do {
         before = count;
-        count = hyi_merge_pass(room, count, build->leaf_max);
-    } while (count < before);
+        count = hyi_merge_pass(room, count, build->leaf_max, losses);
+    } while (count < before - before / HYI_MERGE_FEW);
     build->chunks[chunk].kept = count;
 }
 
@@ -6511,7 +6495,7 @@ HYI_INLINE bool hyi_depth_is_short(uint32_t depth, uint32_t count) {
 #define HYI_BVH_BUILD_SPATIAL_H
 
 #define HYI_SPATIAL_BINS 16u
-#define HYI_SPATIAL_LEAST 32u                  /* smaller ranges are cut by objects alone */
+#define HYI_SPATIAL_LEAST 64u                  /* smaller ranges are cut by objects alone */
 #define HYI_SPATIAL_OVERLAP 2.0e-4f            /* of the root's surface: the least overlap that a spatial split may mend */
 #define HYI_SPATIAL_GAIN 0.99f                 /* of the object split's cost: what the spatial one must stay below */
 #define HYI_SPATIAL_SLOP 9.5367431640625e-07f  /* 2^-20 */
@@ -9341,6 +9325,8 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
 #define HYI_PACKET_WIDTH 16u     /* at most */
+#define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
+#define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
 #define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 
@@ -9356,8 +9342,8 @@ typedef union hyi_lane_words {
 } hyi_lane_words;
 
 /* As many rays as a vector has lanes: bounds of all for the node test, and for triangles what hyi_aim and hyi_best hold
-   of one ray, in the units of the tree, with hyi_aim.unit 1. Lanes beyond the last ray repeat the first one with limits
-   that nothing meets. */
+   of one ray, in the units of the tree, with hyi_aim.unit 1. Lanes without a ray lie within the bounds
+   of the others, with limits that nothing meets. */
 typedef struct hyi_packet {
     float origin[3][HYI_PACKET_WIDTH], direction[3][HYI_PACKET_WIDTH], shear[2][HYI_PACKET_WIDTH]; /* in the order of axis */
     float inverse[3][HYI_PACKET_WIDTH]; /* likewise, of the direction kept from zero */
@@ -9372,7 +9358,7 @@ typedef struct hyi_packet {
     float bound[3];                      /* of the error of each origin, by which slabs are thicker */
     float first_t, last_t;
     uint32_t spread;                     /* 1: they begin at different points, and bounds of all say little of each */
-    uint32_t count, group;               /* rays; what their directions have in common: see hyi_aim_group */
+    uint32_t live, group;                /* bits of the lanes with a ray; what their directions have in common: see hyi_aim_group */
     float shear_low[2], shear_high[2];
     uint32_t unused[6];                 /* fills the last cache line: vectors of rays lie in one each */
 } hyi_packet;
@@ -9472,6 +9458,17 @@ HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
 }
 
 /* ---- beginning */
+
+/* Of flights side by side, keeps those whose bits are set; returns how many these are. */
+HYI_INLINE uint32_t hyi_keep_flights(hyi_flight *flights, uint32_t bits) {
+    uint32_t kept = 0;
+    for (; bits; bits &= bits - 1u) {
+        uint32_t lane = hyi_lowest_bit(bits);
+        if (lane != kept) flights[kept] = flights[lane];
+        kept++;
+    }
+    return kept;
+}
 
 HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
     hyk_ray ray = hyi_load_ray(at);
@@ -10924,11 +10921,14 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
 }
 
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
-    for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
+    }
 }
 
 HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = HYI_ALLW;
+    uint32_t left = packet->live;
     for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
     for (; left; left &= left - 1u) {
         uint32_t ray = packet->ray[hyi_lowest_bit(left)];
@@ -10999,7 +10999,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->leaf.word[i] = packet->triangle.word[i] = 0;
         packet->ray[i] = rays[i < count ? i : 0u];
     }
-    packet->count = count;
+    packet->live = (1u << count) - 1u;
     packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
     return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
@@ -11007,11 +11007,14 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 /* Hits that are not the packet's own are the flights' already. */
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
     HYI_I(hyi_finds) finds;
-    for (uint32_t i = 0; i < packet->count; i++) swarm->flights[packet->ray[i]].best.instance = packet->instance[i];
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
+    }
     if (swarm->any) return;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
     for (uint32_t f = 0; f < finds.count; f++) {
-        for (uint32_t left = finds.lanes[f] & ((1u << packet->count) - 1u); left; left &= left - 1u) {
+        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
             uint32_t lane = hyi_lowest_bit(left);
             hyi_flight *flight = &swarm->flights[packet->ray[lane]];
             flight->best.t = finds.t[lane];
@@ -11060,16 +11063,11 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
 }
 
-/* Whether the directions have in common what hyi_aim_group says. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(const HYI_I(hyi_block) *block, uint32_t *group) {
-    uint32_t y = HYI_BITSW(block->y), z = HYI_BITSW(block->z);
-    *group = (z ? 2u : y ? 1u : 0u) << 3;
-    for (uint32_t a = 0; a < 3; a++) {
-        uint32_t falls = HYI_BITSW(block->falls[a]);
-        if (falls != 0u && falls != HYI_ALLW) return false;
-        *group |= (falls ? 1u : 0u) << a;
-    }
-    return z == HYI_ALLW || (z == 0u && (y == 0u || y == HYI_ALLW));
+/* hyi_aim_group of each lane, as a number. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_find_groups)(const HYI_I(hyi_block) *block) {
+    HYI_FW zero = HYI_ZEROW(), group = HYI_CHOOSEW(block->z, HYI_SETW(16.0f), HYI_CHOOSEW(block->y, HYI_SETW(8.0f), zero));
+    for (uint32_t a = 0; a < 3; a++) group = HYI_ADDW(group, HYI_CHOOSEW(block->falls[a], HYI_SETW((float)(1u << a)), zero));
+    return group;
 }
 
 /* Of values by axis of space, that of axis k in the sheared frame of each ray: see hyi_aim_shear. */
@@ -11104,17 +11102,88 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block,
     HYI_I(hyi_shear_packet)(packet);
 }
 
-/* Makes a packet of rays first, first + 1, ... of what was filled in; false: they are too different. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packet, uint32_t first,
+/* Makes a packet of the rays in live, which are of one group, out of what was filled in; first: the number of the block's first
+   ray; false: they are too different. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, hyi_packet *packet, uint32_t first, uint32_t live, uint32_t group,
                                                 float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    if (!HYI_I(hyi_find_group)(block, &packet->group) || !HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
-    packet->count = HYI_LANES;
+    packet->group = group;
+    if (!HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
+    packet->live = live;
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         packet->ray[i] = first + i;
         packet->instance[i] = packet->primitive[i] = HYK_NONE;
         packet->leaf.word[i] = packet->triangle.word[i] = 0;
     }
     return true;
+}
+
+/* Gives the lanes that are not live the value of one that is. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_spread_value)(float to[HYI_PACKET_WIDTH], const float from[HYI_PACKET_WIDTH], HYI_MW live, uint32_t lane) {
+    HYI_STOREW(to, HYI_CHOOSEW(live, HYI_LOADW(from), HYI_SETW(from[lane])));
+}
+
+/* hyi_pack_rays of some lanes of a block: the others are taken out of what bounds are made of. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet *filled, hyi_packet *packet, uint32_t first, HYI_MW live, uint32_t group,
+                                            float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float at[3][HYI_PACKET_WIDTH], of[3][HYI_PACKET_WIDTH];
+    uint32_t lane = hyi_lowest_bit(HYI_BITSW(live));
+    HYI_FW never = HYI_SETW(-FLT_MAX);
+    *packet = *filled;
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_I(hyi_spread_value)(at[a], o[a], live, lane);
+        HYI_I(hyi_spread_value)(of[a], inverse[a], live, lane);
+        HYI_I(hyi_spread_value)(packet->origin[a], filled->origin[a], live, lane);
+        if (a < 2) HYI_I(hyi_spread_value)(packet->shear[a], filled->shear[a], live, lane);
+    }
+    HYI_I(hyi_spread_value)(packet->t_near, filled->t_near, live, lane);
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(live, HYI_LOADW(filled->t_far), never));
+    HYI_STOREW(packet->best_t, HYI_CHOOSEW(live, HYI_LOADW(filled->best_t), never));
+    return HYI_I(hyi_pack_rays)(bvh, packet, first, HYI_BITSW(live), group, at, of);
+}
+
+/* Packets of the groups of a block, the first of which is filled with all of it, where there are enough of one. Returns the
+   bits of the rays that go in none; to each group of these belong too few. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW groups, hyi_packet *packets, uint32_t first, float o[3][HYI_PACKET_WIDTH],
+                                                  float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    float group[HYI_PACKET_WIDTH];
+    hyi_packet filled = packets[0];
+    uint32_t rest = 0;
+    HYI_STOREW(group, groups);
+    for (uint32_t left = HYI_ALLW, some; left; left &= ~some) {
+        float one = group[hyi_lowest_bit(left)];
+        HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
+        some = HYI_BITSW(live);
+        bool enough = hyi_count_bits(some & 0xffu) + hyi_count_bits(some >> 8) >= HYI_PACKET_LEAST;
+        if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
+        else rest |= some;
+    }
+    packets[*made] = filled;
+    return rest;
+}
+
+/* Whether the lanes have no more than HYI_PACKET_GROUPS different groups. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_few_groups)(HYI_FW groups, const float group[HYI_PACKET_WIDTH]) {
+    uint32_t left = HYI_ALLW;
+    for (uint32_t g = 0; g < HYI_PACKET_GROUPS && left; g++) left &= ~HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[hyi_lowest_bit(left)])));
+    return left == 0;
+}
+
+/* Packets of a block of rays, the first of which is filled with all of it; returns the bits of the rays that go in none: what was
+   filled in is then in the packet after those made. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packets, uint32_t first,
+                                                     float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    HYI_FW groups = HYI_I(hyi_find_groups)(block);
+    float group[HYI_PACKET_WIDTH];
+    uint32_t here = 0, rest = HYI_ALLW;
+    HYI_STOREW(group, groups);
+    if (HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[0]))) == HYI_ALLW) {
+        if (!HYI_I(hyi_pack_rays)(bvh, packets, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) return HYI_ALLW;
+        ++*made;
+        return 0;
+    }
+    if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
+    *made += here;
+    return rest;
 }
 
 /* ---- flights */
@@ -11191,7 +11260,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
    are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                              uint32_t count, hyi_begun *begun) {
-    for (uint32_t first; (first = begun->rays) < count && begun->packets < stream->packet_share; begun->rays += HYI_LANES) {
+    for (uint32_t first; (first = begun->rays) < count && begun->packets + HYI_LANES / HYI_PACKET_LEAST < stream->packet_share; begun->rays += HYI_LANES) {
         float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         hyi_packet *packet = &stream->packets[begun->packets];
@@ -11201,12 +11270,10 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
             continue;
         }
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        if (site->bvh->rows && HYI_I(hyi_pack_rays)(site->bvh, &block, packet, first, o, inverse)) {
-            begun->packets++;
-            continue;
-        }
-        HYI_I(hyi_cut_flights)(site->bvh, &block, packet, inverse, rays + first, stream->flights + begun->flights);
-        begun->flights += HYI_LANES;
+        uint32_t rest = site->bvh->rows ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        if (rest == 0) continue;
+        HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
+        begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
 }
 /* ---- many rays (expanded once for each instruction set)
@@ -12545,11 +12612,14 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
 }
 
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
-    for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
+    }
 }
 
 HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = HYI_ALLW;
+    uint32_t left = packet->live;
     for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
     for (; left; left &= left - 1u) {
         uint32_t ray = packet->ray[hyi_lowest_bit(left)];
@@ -12620,7 +12690,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->leaf.word[i] = packet->triangle.word[i] = 0;
         packet->ray[i] = rays[i < count ? i : 0u];
     }
-    packet->count = count;
+    packet->live = (1u << count) - 1u;
     packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
     return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
@@ -12628,11 +12698,14 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 /* Hits that are not the packet's own are the flights' already. */
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
     HYI_I(hyi_finds) finds;
-    for (uint32_t i = 0; i < packet->count; i++) swarm->flights[packet->ray[i]].best.instance = packet->instance[i];
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
+    }
     if (swarm->any) return;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
     for (uint32_t f = 0; f < finds.count; f++) {
-        for (uint32_t left = finds.lanes[f] & ((1u << packet->count) - 1u); left; left &= left - 1u) {
+        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
             uint32_t lane = hyi_lowest_bit(left);
             hyi_flight *flight = &swarm->flights[packet->ray[lane]];
             flight->best.t = finds.t[lane];
@@ -12681,16 +12754,11 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
 }
 
-/* Whether the directions have in common what hyi_aim_group says. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(const HYI_I(hyi_block) *block, uint32_t *group) {
-    uint32_t y = HYI_BITSW(block->y), z = HYI_BITSW(block->z);
-    *group = (z ? 2u : y ? 1u : 0u) << 3;
-    for (uint32_t a = 0; a < 3; a++) {
-        uint32_t falls = HYI_BITSW(block->falls[a]);
-        if (falls != 0u && falls != HYI_ALLW) return false;
-        *group |= (falls ? 1u : 0u) << a;
-    }
-    return z == HYI_ALLW || (z == 0u && (y == 0u || y == HYI_ALLW));
+/* hyi_aim_group of each lane, as a number. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_find_groups)(const HYI_I(hyi_block) *block) {
+    HYI_FW zero = HYI_ZEROW(), group = HYI_CHOOSEW(block->z, HYI_SETW(16.0f), HYI_CHOOSEW(block->y, HYI_SETW(8.0f), zero));
+    for (uint32_t a = 0; a < 3; a++) group = HYI_ADDW(group, HYI_CHOOSEW(block->falls[a], HYI_SETW((float)(1u << a)), zero));
+    return group;
 }
 
 /* Of values by axis of space, that of axis k in the sheared frame of each ray: see hyi_aim_shear. */
@@ -12725,17 +12793,88 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block,
     HYI_I(hyi_shear_packet)(packet);
 }
 
-/* Makes a packet of rays first, first + 1, ... of what was filled in; false: they are too different. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packet, uint32_t first,
+/* Makes a packet of the rays in live, which are of one group, out of what was filled in; first: the number of the block's first
+   ray; false: they are too different. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, hyi_packet *packet, uint32_t first, uint32_t live, uint32_t group,
                                                 float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    if (!HYI_I(hyi_find_group)(block, &packet->group) || !HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
-    packet->count = HYI_LANES;
+    packet->group = group;
+    if (!HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
+    packet->live = live;
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         packet->ray[i] = first + i;
         packet->instance[i] = packet->primitive[i] = HYK_NONE;
         packet->leaf.word[i] = packet->triangle.word[i] = 0;
     }
     return true;
+}
+
+/* Gives the lanes that are not live the value of one that is. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_spread_value)(float to[HYI_PACKET_WIDTH], const float from[HYI_PACKET_WIDTH], HYI_MW live, uint32_t lane) {
+    HYI_STOREW(to, HYI_CHOOSEW(live, HYI_LOADW(from), HYI_SETW(from[lane])));
+}
+
+/* hyi_pack_rays of some lanes of a block: the others are taken out of what bounds are made of. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet *filled, hyi_packet *packet, uint32_t first, HYI_MW live, uint32_t group,
+                                            float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float at[3][HYI_PACKET_WIDTH], of[3][HYI_PACKET_WIDTH];
+    uint32_t lane = hyi_lowest_bit(HYI_BITSW(live));
+    HYI_FW never = HYI_SETW(-FLT_MAX);
+    *packet = *filled;
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_I(hyi_spread_value)(at[a], o[a], live, lane);
+        HYI_I(hyi_spread_value)(of[a], inverse[a], live, lane);
+        HYI_I(hyi_spread_value)(packet->origin[a], filled->origin[a], live, lane);
+        if (a < 2) HYI_I(hyi_spread_value)(packet->shear[a], filled->shear[a], live, lane);
+    }
+    HYI_I(hyi_spread_value)(packet->t_near, filled->t_near, live, lane);
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(live, HYI_LOADW(filled->t_far), never));
+    HYI_STOREW(packet->best_t, HYI_CHOOSEW(live, HYI_LOADW(filled->best_t), never));
+    return HYI_I(hyi_pack_rays)(bvh, packet, first, HYI_BITSW(live), group, at, of);
+}
+
+/* Packets of the groups of a block, the first of which is filled with all of it, where there are enough of one. Returns the
+   bits of the rays that go in none; to each group of these belong too few. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW groups, hyi_packet *packets, uint32_t first, float o[3][HYI_PACKET_WIDTH],
+                                                  float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    float group[HYI_PACKET_WIDTH];
+    hyi_packet filled = packets[0];
+    uint32_t rest = 0;
+    HYI_STOREW(group, groups);
+    for (uint32_t left = HYI_ALLW, some; left; left &= ~some) {
+        float one = group[hyi_lowest_bit(left)];
+        HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
+        some = HYI_BITSW(live);
+        bool enough = hyi_count_bits(some & 0xffu) + hyi_count_bits(some >> 8) >= HYI_PACKET_LEAST;
+        if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
+        else rest |= some;
+    }
+    packets[*made] = filled;
+    return rest;
+}
+
+/* Whether the lanes have no more than HYI_PACKET_GROUPS different groups. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_few_groups)(HYI_FW groups, const float group[HYI_PACKET_WIDTH]) {
+    uint32_t left = HYI_ALLW;
+    for (uint32_t g = 0; g < HYI_PACKET_GROUPS && left; g++) left &= ~HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[hyi_lowest_bit(left)])));
+    return left == 0;
+}
+
+/* Packets of a block of rays, the first of which is filled with all of it; returns the bits of the rays that go in none: what was
+   filled in is then in the packet after those made. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packets, uint32_t first,
+                                                     float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    HYI_FW groups = HYI_I(hyi_find_groups)(block);
+    float group[HYI_PACKET_WIDTH];
+    uint32_t here = 0, rest = HYI_ALLW;
+    HYI_STOREW(group, groups);
+    if (HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[0]))) == HYI_ALLW) {
+        if (!HYI_I(hyi_pack_rays)(bvh, packets, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) return HYI_ALLW;
+        ++*made;
+        return 0;
+    }
+    if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
+    *made += here;
+    return rest;
 }
 
 /* ---- flights */
@@ -12812,7 +12951,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
    are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                              uint32_t count, hyi_begun *begun) {
-    for (uint32_t first; (first = begun->rays) < count && begun->packets < stream->packet_share; begun->rays += HYI_LANES) {
+    for (uint32_t first; (first = begun->rays) < count && begun->packets + HYI_LANES / HYI_PACKET_LEAST < stream->packet_share; begun->rays += HYI_LANES) {
         float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         hyi_packet *packet = &stream->packets[begun->packets];
@@ -12822,12 +12961,10 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
             continue;
         }
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        if (site->bvh->rows && HYI_I(hyi_pack_rays)(site->bvh, &block, packet, first, o, inverse)) {
-            begun->packets++;
-            continue;
-        }
-        HYI_I(hyi_cut_flights)(site->bvh, &block, packet, inverse, rays + first, stream->flights + begun->flights);
-        begun->flights += HYI_LANES;
+        uint32_t rest = site->bvh->rows ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        if (rest == 0) continue;
+        HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
+        begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
 }
 /* ---- many rays (expanded once for each instruction set)
@@ -14278,11 +14415,14 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
 }
 
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
-    for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
+    }
 }
 
 HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = HYI_ALLW;
+    uint32_t left = packet->live;
     for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
     for (; left; left &= left - 1u) {
         uint32_t ray = packet->ray[hyi_lowest_bit(left)];
@@ -14353,7 +14493,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->leaf.word[i] = packet->triangle.word[i] = 0;
         packet->ray[i] = rays[i < count ? i : 0u];
     }
-    packet->count = count;
+    packet->live = (1u << count) - 1u;
     packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
     return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
@@ -14361,11 +14501,14 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 /* Hits that are not the packet's own are the flights' already. */
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
     HYI_I(hyi_finds) finds;
-    for (uint32_t i = 0; i < packet->count; i++) swarm->flights[packet->ray[i]].best.instance = packet->instance[i];
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
+    }
     if (swarm->any) return;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
     for (uint32_t f = 0; f < finds.count; f++) {
-        for (uint32_t left = finds.lanes[f] & ((1u << packet->count) - 1u); left; left &= left - 1u) {
+        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
             uint32_t lane = hyi_lowest_bit(left);
             hyi_flight *flight = &swarm->flights[packet->ray[lane]];
             flight->best.t = finds.t[lane];
@@ -14414,16 +14557,11 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
 }
 
-/* Whether the directions have in common what hyi_aim_group says. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(const HYI_I(hyi_block) *block, uint32_t *group) {
-    uint32_t y = HYI_BITSW(block->y), z = HYI_BITSW(block->z);
-    *group = (z ? 2u : y ? 1u : 0u) << 3;
-    for (uint32_t a = 0; a < 3; a++) {
-        uint32_t falls = HYI_BITSW(block->falls[a]);
-        if (falls != 0u && falls != HYI_ALLW) return false;
-        *group |= (falls ? 1u : 0u) << a;
-    }
-    return z == HYI_ALLW || (z == 0u && (y == 0u || y == HYI_ALLW));
+/* hyi_aim_group of each lane, as a number. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_find_groups)(const HYI_I(hyi_block) *block) {
+    HYI_FW zero = HYI_ZEROW(), group = HYI_CHOOSEW(block->z, HYI_SETW(16.0f), HYI_CHOOSEW(block->y, HYI_SETW(8.0f), zero));
+    for (uint32_t a = 0; a < 3; a++) group = HYI_ADDW(group, HYI_CHOOSEW(block->falls[a], HYI_SETW((float)(1u << a)), zero));
+    return group;
 }
 
 /* Of values by axis of space, that of axis k in the sheared frame of each ray: see hyi_aim_shear. */
@@ -14458,17 +14596,88 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block,
     HYI_I(hyi_shear_packet)(packet);
 }
 
-/* Makes a packet of rays first, first + 1, ... of what was filled in; false: they are too different. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packet, uint32_t first,
+/* Makes a packet of the rays in live, which are of one group, out of what was filled in; first: the number of the block's first
+   ray; false: they are too different. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, hyi_packet *packet, uint32_t first, uint32_t live, uint32_t group,
                                                 float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    if (!HYI_I(hyi_find_group)(block, &packet->group) || !HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
-    packet->count = HYI_LANES;
+    packet->group = group;
+    if (!HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
+    packet->live = live;
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         packet->ray[i] = first + i;
         packet->instance[i] = packet->primitive[i] = HYK_NONE;
         packet->leaf.word[i] = packet->triangle.word[i] = 0;
     }
     return true;
+}
+
+/* Gives the lanes that are not live the value of one that is. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_spread_value)(float to[HYI_PACKET_WIDTH], const float from[HYI_PACKET_WIDTH], HYI_MW live, uint32_t lane) {
+    HYI_STOREW(to, HYI_CHOOSEW(live, HYI_LOADW(from), HYI_SETW(from[lane])));
+}
+
+/* hyi_pack_rays of some lanes of a block: the others are taken out of what bounds are made of. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet *filled, hyi_packet *packet, uint32_t first, HYI_MW live, uint32_t group,
+                                            float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float at[3][HYI_PACKET_WIDTH], of[3][HYI_PACKET_WIDTH];
+    uint32_t lane = hyi_lowest_bit(HYI_BITSW(live));
+    HYI_FW never = HYI_SETW(-FLT_MAX);
+    *packet = *filled;
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_I(hyi_spread_value)(at[a], o[a], live, lane);
+        HYI_I(hyi_spread_value)(of[a], inverse[a], live, lane);
+        HYI_I(hyi_spread_value)(packet->origin[a], filled->origin[a], live, lane);
+        if (a < 2) HYI_I(hyi_spread_value)(packet->shear[a], filled->shear[a], live, lane);
+    }
+    HYI_I(hyi_spread_value)(packet->t_near, filled->t_near, live, lane);
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(live, HYI_LOADW(filled->t_far), never));
+    HYI_STOREW(packet->best_t, HYI_CHOOSEW(live, HYI_LOADW(filled->best_t), never));
+    return HYI_I(hyi_pack_rays)(bvh, packet, first, HYI_BITSW(live), group, at, of);
+}
+
+/* Packets of the groups of a block, the first of which is filled with all of it, where there are enough of one. Returns the
+   bits of the rays that go in none; to each group of these belong too few. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW groups, hyi_packet *packets, uint32_t first, float o[3][HYI_PACKET_WIDTH],
+                                                  float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    float group[HYI_PACKET_WIDTH];
+    hyi_packet filled = packets[0];
+    uint32_t rest = 0;
+    HYI_STOREW(group, groups);
+    for (uint32_t left = HYI_ALLW, some; left; left &= ~some) {
+        float one = group[hyi_lowest_bit(left)];
+        HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
+        some = HYI_BITSW(live);
+        bool enough = hyi_count_bits(some & 0xffu) + hyi_count_bits(some >> 8) >= HYI_PACKET_LEAST;
+        if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
+        else rest |= some;
+    }
+    packets[*made] = filled;
+    return rest;
+}
+
+/* Whether the lanes have no more than HYI_PACKET_GROUPS different groups. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_few_groups)(HYI_FW groups, const float group[HYI_PACKET_WIDTH]) {
+    uint32_t left = HYI_ALLW;
+    for (uint32_t g = 0; g < HYI_PACKET_GROUPS && left; g++) left &= ~HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[hyi_lowest_bit(left)])));
+    return left == 0;
+}
+
+/* Packets of a block of rays, the first of which is filled with all of it; returns the bits of the rays that go in none: what was
+   filled in is then in the packet after those made. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packets, uint32_t first,
+                                                     float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    HYI_FW groups = HYI_I(hyi_find_groups)(block);
+    float group[HYI_PACKET_WIDTH];
+    uint32_t here = 0, rest = HYI_ALLW;
+    HYI_STOREW(group, groups);
+    if (HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[0]))) == HYI_ALLW) {
+        if (!HYI_I(hyi_pack_rays)(bvh, packets, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) return HYI_ALLW;
+        ++*made;
+        return 0;
+    }
+    if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
+    *made += here;
+    return rest;
 }
 
 /* ---- flights */
@@ -14545,7 +14754,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
    are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                              uint32_t count, hyi_begun *begun) {
-    for (uint32_t first; (first = begun->rays) < count && begun->packets < stream->packet_share; begun->rays += HYI_LANES) {
+    for (uint32_t first; (first = begun->rays) < count && begun->packets + HYI_LANES / HYI_PACKET_LEAST < stream->packet_share; begun->rays += HYI_LANES) {
         float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         hyi_packet *packet = &stream->packets[begun->packets];
@@ -14555,12 +14764,10 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
             continue;
         }
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        if (site->bvh->rows && HYI_I(hyi_pack_rays)(site->bvh, &block, packet, first, o, inverse)) {
-            begun->packets++;
-            continue;
-        }
-        HYI_I(hyi_cut_flights)(site->bvh, &block, packet, inverse, rays + first, stream->flights + begun->flights);
-        begun->flights += HYI_LANES;
+        uint32_t rest = site->bvh->rows ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        if (rest == 0) continue;
+        HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
+        begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
 }
 /* ---- many rays (expanded once for each instruction set)
@@ -16012,11 +16219,14 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
 }
 
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
-    for (uint32_t i = 0; i < packet->count; i++) occluded[packet->ray[i]] = packet->instance[i] != HYK_NONE ? 1 : 0;
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
+    }
 }
 
 HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = HYI_ALLW;
+    uint32_t left = packet->live;
     for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
     for (; left; left &= left - 1u) {
         uint32_t ray = packet->ray[hyi_lowest_bit(left)];
@@ -16087,7 +16297,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
         packet->leaf.word[i] = packet->triangle.word[i] = 0;
         packet->ray[i] = rays[i < count ? i : 0u];
     }
-    packet->count = count;
+    packet->live = (1u << count) - 1u;
     packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
     return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
@@ -16095,11 +16305,14 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
 /* Hits that are not the packet's own are the flights' already. */
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
     HYI_I(hyi_finds) finds;
-    for (uint32_t i = 0; i < packet->count; i++) swarm->flights[packet->ray[i]].best.instance = packet->instance[i];
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
+    }
     if (swarm->any) return;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
     for (uint32_t f = 0; f < finds.count; f++) {
-        for (uint32_t left = finds.lanes[f] & ((1u << packet->count) - 1u); left; left &= left - 1u) {
+        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
             uint32_t lane = hyi_lowest_bit(left);
             hyi_flight *flight = &swarm->flights[packet->ray[lane]];
             flight->best.t = finds.t[lane];
@@ -16148,16 +16361,11 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
 }
 
-/* Whether the directions have in common what hyi_aim_group says. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_group)(const HYI_I(hyi_block) *block, uint32_t *group) {
-    uint32_t y = HYI_BITSW(block->y), z = HYI_BITSW(block->z);
-    *group = (z ? 2u : y ? 1u : 0u) << 3;
-    for (uint32_t a = 0; a < 3; a++) {
-        uint32_t falls = HYI_BITSW(block->falls[a]);
-        if (falls != 0u && falls != HYI_ALLW) return false;
-        *group |= (falls ? 1u : 0u) << a;
-    }
-    return z == HYI_ALLW || (z == 0u && (y == 0u || y == HYI_ALLW));
+/* hyi_aim_group of each lane, as a number. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_find_groups)(const HYI_I(hyi_block) *block) {
+    HYI_FW zero = HYI_ZEROW(), group = HYI_CHOOSEW(block->z, HYI_SETW(16.0f), HYI_CHOOSEW(block->y, HYI_SETW(8.0f), zero));
+    for (uint32_t a = 0; a < 3; a++) group = HYI_ADDW(group, HYI_CHOOSEW(block->falls[a], HYI_SETW((float)(1u << a)), zero));
+    return group;
 }
 
 /* Of values by axis of space, that of axis k in the sheared frame of each ray: see hyi_aim_shear. */
@@ -16192,17 +16400,88 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block,
     HYI_I(hyi_shear_packet)(packet);
 }
 
-/* Makes a packet of rays first, first + 1, ... of what was filled in; false: they are too different. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packet, uint32_t first,
+/* Makes a packet of the rays in live, which are of one group, out of what was filled in; first: the number of the block's first
+   ray; false: they are too different. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_rays)(const hyi_bvh *bvh, hyi_packet *packet, uint32_t first, uint32_t live, uint32_t group,
                                                 float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
-    if (!HYI_I(hyi_find_group)(block, &packet->group) || !HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
-    packet->count = HYI_LANES;
+    packet->group = group;
+    if (!HYI_I(hyi_bound_packet)(&bvh->scaled, packet, o, inverse)) return false;
+    packet->live = live;
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         packet->ray[i] = first + i;
         packet->instance[i] = packet->primitive[i] = HYK_NONE;
         packet->leaf.word[i] = packet->triangle.word[i] = 0;
     }
     return true;
+}
+
+/* Gives the lanes that are not live the value of one that is. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_spread_value)(float to[HYI_PACKET_WIDTH], const float from[HYI_PACKET_WIDTH], HYI_MW live, uint32_t lane) {
+    HYI_STOREW(to, HYI_CHOOSEW(live, HYI_LOADW(from), HYI_SETW(from[lane])));
+}
+
+/* hyi_pack_rays of some lanes of a block: the others are taken out of what bounds are made of. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet *filled, hyi_packet *packet, uint32_t first, HYI_MW live, uint32_t group,
+                                            float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float at[3][HYI_PACKET_WIDTH], of[3][HYI_PACKET_WIDTH];
+    uint32_t lane = hyi_lowest_bit(HYI_BITSW(live));
+    HYI_FW never = HYI_SETW(-FLT_MAX);
+    *packet = *filled;
+    for (uint32_t a = 0; a < 3; a++) {
+        HYI_I(hyi_spread_value)(at[a], o[a], live, lane);
+        HYI_I(hyi_spread_value)(of[a], inverse[a], live, lane);
+        HYI_I(hyi_spread_value)(packet->origin[a], filled->origin[a], live, lane);
+        if (a < 2) HYI_I(hyi_spread_value)(packet->shear[a], filled->shear[a], live, lane);
+    }
+    HYI_I(hyi_spread_value)(packet->t_near, filled->t_near, live, lane);
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(live, HYI_LOADW(filled->t_far), never));
+    HYI_STOREW(packet->best_t, HYI_CHOOSEW(live, HYI_LOADW(filled->best_t), never));
+    return HYI_I(hyi_pack_rays)(bvh, packet, first, HYI_BITSW(live), group, at, of);
+}
+
+/* Packets of the groups of a block, the first of which is filled with all of it, where there are enough of one. Returns the
+   bits of the rays that go in none; to each group of these belong too few. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW groups, hyi_packet *packets, uint32_t first, float o[3][HYI_PACKET_WIDTH],
+                                                  float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    float group[HYI_PACKET_WIDTH];
+    hyi_packet filled = packets[0];
+    uint32_t rest = 0;
+    HYI_STOREW(group, groups);
+    for (uint32_t left = HYI_ALLW, some; left; left &= ~some) {
+        float one = group[hyi_lowest_bit(left)];
+        HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
+        some = HYI_BITSW(live);
+        bool enough = hyi_count_bits(some & 0xffu) + hyi_count_bits(some >> 8) >= HYI_PACKET_LEAST;
+        if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
+        else rest |= some;
+    }
+    packets[*made] = filled;
+    return rest;
+}
+
+/* Whether the lanes have no more than HYI_PACKET_GROUPS different groups. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_few_groups)(HYI_FW groups, const float group[HYI_PACKET_WIDTH]) {
+    uint32_t left = HYI_ALLW;
+    for (uint32_t g = 0; g < HYI_PACKET_GROUPS && left; g++) left &= ~HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[hyi_lowest_bit(left)])));
+    return left == 0;
+}
+
+/* Packets of a block of rays, the first of which is filled with all of it; returns the bits of the rays that go in none: what was
+   filled in is then in the packet after those made. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packets, uint32_t first,
+                                                     float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    HYI_FW groups = HYI_I(hyi_find_groups)(block);
+    float group[HYI_PACKET_WIDTH];
+    uint32_t here = 0, rest = HYI_ALLW;
+    HYI_STOREW(group, groups);
+    if (HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[0]))) == HYI_ALLW) {
+        if (!HYI_I(hyi_pack_rays)(bvh, packets, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) return HYI_ALLW;
+        ++*made;
+        return 0;
+    }
+    if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
+    *made += here;
+    return rest;
 }
 
 /* ---- flights */
@@ -16279,7 +16558,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
    are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                              uint32_t count, hyi_begun *begun) {
-    for (uint32_t first; (first = begun->rays) < count && begun->packets < stream->packet_share; begun->rays += HYI_LANES) {
+    for (uint32_t first; (first = begun->rays) < count && begun->packets + HYI_LANES / HYI_PACKET_LEAST < stream->packet_share; begun->rays += HYI_LANES) {
         float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         hyi_packet *packet = &stream->packets[begun->packets];
@@ -16289,12 +16568,10 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
             continue;
         }
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        if (site->bvh->rows && HYI_I(hyi_pack_rays)(site->bvh, &block, packet, first, o, inverse)) {
-            begun->packets++;
-            continue;
-        }
-        HYI_I(hyi_cut_flights)(site->bvh, &block, packet, inverse, rays + first, stream->flights + begun->flights);
-        begun->flights += HYI_LANES;
+        uint32_t rest = site->bvh->rows ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        if (rest == 0) continue;
+        HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
+        begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
 }
 /* ---- many rays (expanded once for each instruction set)
