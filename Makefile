@@ -119,7 +119,7 @@ TSAN_SUBJECTS := $(or $(TSAN_SUBJECTS),$(patsubst tests/test_%.c,%,$(sort \
 	$(shell grep -lE 'ht_open_threads|[.>]threads *=|pthread_create|parallel_for' $(SUBJECTS:%=tests/test_%.c)))))
 SUPPORT := $(filter-out main test_%,$(patsubst tests/%.c,%,$(wildcard tests/*.c)))
 # -g1: to follow variables through the traversal, gcc takes minutes a file.
-TEST_FLAGS := -std=c99 -D_POSIX_C_SOURCE=200809L -g1 -Wall -Wextra -I. -Itests
+TEST_FLAGS := -std=c99 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE -g1 -Wall -Wextra -I. -Itests
 
 # The implementation is compiled once, and in one piece with the tests that look inside it: alone, each of those would
 # take as long again. So their names must not clash; the compiler tells.

@@ -9,7 +9,7 @@ prefix='^(hydra|HYDRA|hyi|HYI|hyk|HYK)_'
 vk_prefix='^(hydra_vk_|HYDRA_VK_|hyi_vk(_|$)|HYI_VK_|hyk_|HYK_)'
 # Guarded, and asked of the system's or Vulkan's headers, not of the user: see where they are defined. The first is in
 # the document of hydra_vk.h.
-allowed='^(HYDRA_IMPLEMENTATION|_POSIX_C_SOURCE|WIN32_LEAN_AND_MEAN|NOMINMAX|VK_NO_PROTOTYPES)$'
+allowed='^(HYDRA_IMPLEMENTATION|_POSIX_C_SOURCE|_DEFAULT_SOURCE|WIN32_LEAN_AND_MEAN|NOMINMAX|VK_NO_PROTOTYPES)$'
 forbidden='^(printf|puts|putchar|perror|fopen|fopen64|open|open64|fprintf|exit|_exit|abort|__assert_fail|rand|srand|random|drand48|strtok|setlocale|signal|getenv|system|vk[A-Z].*)$'
 
 unit() { # hydra.h, hydra_vk.h or nothing: a source file with the implementation
