@@ -10,7 +10,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI
 
 /* Bits of lanes that are within -limit and limit; what is not a number is not. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
-    return HYI_BITSW(HYI_LEW(HYI_I(hyi_size_all)(v), HYI_SETW(limit)));
+    return HYI_BITSW(HYI_LEW(HYI_SIZEW(v), HYI_SETW(limit)));
 }
 
 /* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
@@ -24,7 +24,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
-        block->size[a] = HYI_I(hyi_size_all)(block->direction[a]);
+        block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
         fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
     }
@@ -68,8 +68,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block,
     }
     HYI_STOREW(packet->t_min, block->t_min);
     HYI_STOREW(packet->best_t, block->t_limit);
-    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_I(hyi_size_all)(block->t_min), slack)));
-    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_I(hyi_size_all)(block->t_limit), slack)));
+    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_SIZEW(block->t_min), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_SIZEW(block->t_limit), slack)));
     HYI_I(hyi_shear_packet)(packet);
 }
 
@@ -162,10 +162,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const H
 /* hyi_reach for all lanes. */
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW origin, int axis, bool loose) {
     HYI_FW lower = HYI_SETW(box->lower[axis]), upper = HYI_SETW(box->upper[axis]);
-    HYI_FW below = HYI_I(hyi_size_all)(HYI_SUBW(lower, origin)), above = HYI_I(hyi_size_all)(HYI_SUBW(upper, origin));
+    HYI_FW below = HYI_SIZEW(HYI_SUBW(lower, origin)), above = HYI_SIZEW(HYI_SUBW(upper, origin));
     if (!loose) return HYI_MAXW(below, above);
-    HYI_FW larger = HYI_MAXW(HYI_I(hyi_size_all)(lower), HYI_I(hyi_size_all)(upper));
-    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_I(hyi_size_all)(origin)));
+    HYI_FW larger = HYI_MAXW(HYI_SIZEW(lower), HYI_SIZEW(upper));
+    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_SIZEW(origin)));
 }
 
 /* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
@@ -175,7 +175,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_I(hyi_size_all)(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW v = block->origin[a], size = HYI_SIZEW(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
         HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
         bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
         HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));

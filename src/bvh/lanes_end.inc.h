@@ -99,6 +99,9 @@
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
+#undef HYI_SIZE4
+#undef HYI_SIZE8
+#undef HYI_SIZEW
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8

@@ -50,6 +50,7 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_MAD4(a, b, c) vfmaq_f32(c, a, b)
 #define HYI_MIN4(a, b) vminq_f32(a, b)
 #define HYI_MAX4(a, b) vmaxq_f32(a, b)
+#define HYI_SIZE4(a) vabsq_f32(a)
 #define HYI_MAX4_AS_INTS(a, b) HYI_MAX4(a, b) /* as soon done */
 #define HYI_MIN4_AS_INTS(a, b) HYI_MIN4(a, b)
 #define HYI_LT4(a, b) vcltq_f32(a, b)

@@ -75,6 +75,12 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_mad8)(HYI_I(hyi_f8) a, HYI_I(hyi_f
     return r;
 }
 
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_size8)(HYI_I(hyi_f8) a) {
+    a.low = HYI_SIZE4(a.low);
+    a.high = HYI_SIZE4(a.high);
+    return a;
+}
+
 HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_pin8)(HYI_I(hyi_f8) a) {
     a.low = HYI_PIN4(a.low);
     a.high = HYI_PIN4(a.high);
@@ -162,6 +168,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
 #define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
 #define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
+#define HYI_SIZE8(a) HYI_I(hyi_size8)(a)
 #define HYI_MAX8_AS_INTS(a, b) HYI_I(hyi_max8_as_ints)(a, b)
 #define HYI_MIN8_AS_INTS(a, b) HYI_I(hyi_min8_as_ints)(a, b)
 #define HYI_LT8(a, b) HYI_I(hyi_lt8)(a, b)
@@ -187,6 +194,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_DIVW(a, b) HYI_DIV8(a, b)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
+#define HYI_SIZEW(a) HYI_SIZE8(a)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
 #define HYI_LEW(a, b) HYI_LE8(a, b)
 #define HYI_CHOOSEW(m, a, b) HYI_I(hyi_choose8)(m, a, b)

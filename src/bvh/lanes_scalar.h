@@ -39,6 +39,11 @@ HYI_INLINE hyi_f8 hyi_mad8_scalar(hyi_f8 a, hyi_f8 b, hyi_f8 c) {
     return a;
 }
 
+HYI_INLINE hyi_f8 hyi_size8_scalar(hyi_f8 a) {
+    for (int i = 0; i < 8; i++) a.v[i] = fabsf(a.v[i]);
+    return a;
+}
+
 HYI_INLINE hyi_f8 hyi_pin8_scalar(hyi_f8 a) {
     for (int i = 0; i < 8; i++) a.v[i] = hyi_rounded(a.v[i]);
     return a;
@@ -73,6 +78,7 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 #define HYI_MAD8(a, b, c) hyi_mad8_scalar(a, b, c)
 #define HYI_MIN8(a, b) hyi_min8_scalar(a, b)
 #define HYI_MAX8(a, b) hyi_max8_scalar(a, b)
+#define HYI_SIZE8(a) hyi_size8_scalar(a)
 #define HYI_MAX8_AS_INTS(a, b) HYI_MAX8(a, b)
 #define HYI_MIN8_AS_INTS(a, b) HYI_MIN8(a, b)
 #define HYI_LT8(a, b) hyi_lt8_scalar(a, b)

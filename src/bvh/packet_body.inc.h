@@ -106,8 +106,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, 
     m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
 }
 
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
-
 /* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
 typedef struct HYI_I(hyi_verdict_all) {
     HYI_FW least, most;
@@ -116,23 +114,20 @@ typedef struct HYI_I(hyi_verdict_all) {
 } HYI_I(hyi_verdict_all);
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const HYI_I(hyi_meeting) *m, HYI_I(hyi_verdict_all) *verdict) {
-    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero, along = zero;
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_I(hyi_size_all)(sum);
-    for (int i = 0; i < 3; i++) {
-        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(m->corners[i].x), HYI_I(hyi_size_all)(m->corners[i].y)));
-        along = HYI_MAXW(along, HYI_I(hyi_size_all)(m->corners[i].z));
-    }
+    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_SIZEW(sum);
+    HYI_FW farthest = HYI_MAXW(HYI_SIZEW(m->first), HYI_SIZEW(m->last)), along = HYI_MULW(farthest, HYI_SIZEW(HYI_LOADW(packet->direction[2])));
+    for (int i = 0; i < 3; i++) across = HYI_MAXW(across, HYI_MAXW(HYI_SIZEW(m->corners[i].x), HYI_SIZEW(m->corners[i].y)));
     HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
     HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(m->w[0], m->t[0]), HYI_MULW(m->w[1], m->t[1])), HYI_MULW(m->w[2], m->t[2])), inverse);
-    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(m->first), HYI_I(hyi_size_all)(m->last));
-    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_SIZEW(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
     verdict->least = HYI_SUBW(mean, error);
     verdict->most = HYI_ADDW(mean, error);
     HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, m->least_w), HYI_LTW(m->most_w, zero));
     HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
     HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
     known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
-    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
+    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_SIZEW(t_near)));
     verdict->missed = HYI_BITSW(HYI_ANDW(known, HYI_ORW(HYI_LTW(verdict->most, t_near), HYI_LTW(HYI_LOADW(packet->t_far), verdict->least))));
     verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
@@ -295,7 +290,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW whe
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
     HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
     HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
-    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_I(hyi_size_all)(most)));
+    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
     HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
     HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
     HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
