@@ -9530,6 +9530,11 @@ HYI_INLINE hyi_f8 hyi_mad8_scalar(hyi_f8 a, hyi_f8 b, hyi_f8 c) {
     return a;
 }
 
+HYI_INLINE hyi_f8 hyi_size8_scalar(hyi_f8 a) {
+    for (int i = 0; i < 8; i++) a.v[i] = fabsf(a.v[i]);
+    return a;
+}
+
 HYI_INLINE hyi_f8 hyi_pin8_scalar(hyi_f8 a) {
     for (int i = 0; i < 8; i++) a.v[i] = hyi_rounded(a.v[i]);
     return a;
@@ -9564,6 +9569,7 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 #define HYI_MAD8(a, b, c) hyi_mad8_scalar(a, b, c)
 #define HYI_MIN8(a, b) hyi_min8_scalar(a, b)
 #define HYI_MAX8(a, b) hyi_max8_scalar(a, b)
+#define HYI_SIZE8(a) hyi_size8_scalar(a)
 #define HYI_MAX8_AS_INTS(a, b) HYI_MAX8(a, b)
 #define HYI_MIN8_AS_INTS(a, b) HYI_MIN8(a, b)
 #define HYI_LT8(a, b) hyi_lt8_scalar(a, b)
@@ -9623,8 +9629,6 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
-
 /* What eight triangles are to a ray. */
 typedef struct HYI_I(hyi_verdicts) {
     uint32_t possible;        /* bits of those that it may hit */
@@ -9640,15 +9644,12 @@ typedef struct HYI_I(hyi_verdicts) {
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
-    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
-    for (int i = 0; i < 3; i++) {
-        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
-        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
-    }
+    HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
-    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
-    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_SIZE8(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
@@ -9891,6 +9892,9 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
+#undef HYI_SIZE4
+#undef HYI_SIZE8
+#undef HYI_SIZEW
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -10074,6 +10078,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
 #define HYI_MIN8(a, b) _mm256_min_ps(a, b)
 #define HYI_MAX8(a, b) _mm256_max_ps(a, b)
+#define HYI_SIZE8(a) _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a)
 #define HYI_MAX8_AS_INTS(a, b) _mm256_castsi256_ps(_mm256_max_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
 #define HYI_MIN8_AS_INTS(a, b) _mm256_castsi256_ps(_mm256_min_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
 #define HYI_LT8(a, b) _mm256_cmp_ps(a, b, _CMP_LT_OQ)
@@ -10096,6 +10101,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_MULW(a, b) _mm256_mul_ps(a, b)
 #define HYI_MINW(a, b) _mm256_min_ps(a, b)
 #define HYI_MAXW(a, b) _mm256_max_ps(a, b)
+#define HYI_SIZEW(a) HYI_SIZE8(a)
 #define HYI_LTW(a, b) _mm256_cmp_ps(a, b, _CMP_LT_OQ)
 #define HYI_ANDW(a, b) _mm256_and_ps(a, b)
 #define HYI_ORW(a, b) _mm256_or_ps(a, b)
@@ -10255,8 +10261,6 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
-
 /* What eight triangles are to a ray. */
 typedef struct HYI_I(hyi_verdicts) {
     uint32_t possible;        /* bits of those that it may hit */
@@ -10272,15 +10276,12 @@ typedef struct HYI_I(hyi_verdicts) {
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
-    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
-    for (int i = 0; i < 3; i++) {
-        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
-        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
-    }
+    HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
-    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
-    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_SIZE8(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
@@ -10530,8 +10531,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, 
     m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
 }
 
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
-
 /* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
 typedef struct HYI_I(hyi_verdict_all) {
     HYI_FW least, most;
@@ -10540,23 +10539,20 @@ typedef struct HYI_I(hyi_verdict_all) {
 } HYI_I(hyi_verdict_all);
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const HYI_I(hyi_meeting) *m, HYI_I(hyi_verdict_all) *verdict) {
-    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero, along = zero;
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_I(hyi_size_all)(sum);
-    for (int i = 0; i < 3; i++) {
-        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(m->corners[i].x), HYI_I(hyi_size_all)(m->corners[i].y)));
-        along = HYI_MAXW(along, HYI_I(hyi_size_all)(m->corners[i].z));
-    }
+    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_SIZEW(sum);
+    HYI_FW farthest = HYI_MAXW(HYI_SIZEW(m->first), HYI_SIZEW(m->last)), along = HYI_MULW(farthest, HYI_SIZEW(HYI_LOADW(packet->direction[2])));
+    for (int i = 0; i < 3; i++) across = HYI_MAXW(across, HYI_MAXW(HYI_SIZEW(m->corners[i].x), HYI_SIZEW(m->corners[i].y)));
     HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
     HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(m->w[0], m->t[0]), HYI_MULW(m->w[1], m->t[1])), HYI_MULW(m->w[2], m->t[2])), inverse);
-    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(m->first), HYI_I(hyi_size_all)(m->last));
-    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_SIZEW(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
     verdict->least = HYI_SUBW(mean, error);
     verdict->most = HYI_ADDW(mean, error);
     HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, m->least_w), HYI_LTW(m->most_w, zero));
     HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
     HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
     known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
-    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
+    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_SIZEW(t_near)));
     verdict->missed = HYI_BITSW(HYI_ANDW(known, HYI_ORW(HYI_LTW(verdict->most, t_near), HYI_LTW(HYI_LOADW(packet->t_far), verdict->least))));
     verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
@@ -10719,7 +10715,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW whe
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
     HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
     HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
-    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_I(hyi_size_all)(most)));
+    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
     HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
     HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
     HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
@@ -11039,7 +11035,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI
 
 /* Bits of lanes that are within -limit and limit; what is not a number is not. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
-    return HYI_BITSW(HYI_LEW(HYI_I(hyi_size_all)(v), HYI_SETW(limit)));
+    return HYI_BITSW(HYI_LEW(HYI_SIZEW(v), HYI_SETW(limit)));
 }
 
 /* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
@@ -11053,7 +11049,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
-        block->size[a] = HYI_I(hyi_size_all)(block->direction[a]);
+        block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
         fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
     }
@@ -11097,8 +11093,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block,
     }
     HYI_STOREW(packet->t_min, block->t_min);
     HYI_STOREW(packet->best_t, block->t_limit);
-    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_I(hyi_size_all)(block->t_min), slack)));
-    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_I(hyi_size_all)(block->t_limit), slack)));
+    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_SIZEW(block->t_min), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_SIZEW(block->t_limit), slack)));
     HYI_I(hyi_shear_packet)(packet);
 }
 
@@ -11191,10 +11187,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const H
 /* hyi_reach for all lanes. */
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW origin, int axis, bool loose) {
     HYI_FW lower = HYI_SETW(box->lower[axis]), upper = HYI_SETW(box->upper[axis]);
-    HYI_FW below = HYI_I(hyi_size_all)(HYI_SUBW(lower, origin)), above = HYI_I(hyi_size_all)(HYI_SUBW(upper, origin));
+    HYI_FW below = HYI_SIZEW(HYI_SUBW(lower, origin)), above = HYI_SIZEW(HYI_SUBW(upper, origin));
     if (!loose) return HYI_MAXW(below, above);
-    HYI_FW larger = HYI_MAXW(HYI_I(hyi_size_all)(lower), HYI_I(hyi_size_all)(upper));
-    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_I(hyi_size_all)(origin)));
+    HYI_FW larger = HYI_MAXW(HYI_SIZEW(lower), HYI_SIZEW(upper));
+    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_SIZEW(origin)));
 }
 
 /* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
@@ -11204,7 +11200,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_I(hyi_size_all)(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW v = block->origin[a], size = HYI_SIZEW(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
         HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
         bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
         HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
@@ -11629,6 +11625,9 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
+#undef HYI_SIZE4
+#undef HYI_SIZE8
+#undef HYI_SIZEW
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -11767,6 +11766,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_MAD8(a, b, c) _mm256_fmadd_ps(a, b, c)
 #define HYI_MIN8(a, b) _mm256_min_ps(a, b)
 #define HYI_MAX8(a, b) _mm256_max_ps(a, b)
+#define HYI_SIZE8(a) _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a)
 #define HYI_MAX8_AS_INTS(a, b) _mm256_castsi256_ps(_mm256_max_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
 #define HYI_MIN8_AS_INTS(a, b) _mm256_castsi256_ps(_mm256_min_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)))
 #define HYI_LT8(a, b) _mm256_cmp_ps_mask(a, b, _CMP_LT_OQ)
@@ -11787,6 +11787,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_MULW(a, b) _mm512_mul_ps(a, b)
 #define HYI_MINW(a, b) _mm512_min_ps(a, b)
 #define HYI_MAXW(a, b) _mm512_max_ps(a, b)
+#define HYI_SIZEW(a) _mm512_abs_ps(a)
 #define HYI_LTW(a, b) _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ)
 #define HYI_ANDW(a, b) ((__mmask16)((a) & (b)))
 #define HYI_ORW(a, b) ((__mmask16)((a) | (b)))
@@ -11946,8 +11947,6 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
-
 /* What eight triangles are to a ray. */
 typedef struct HYI_I(hyi_verdicts) {
     uint32_t possible;        /* bits of those that it may hit */
@@ -11963,15 +11962,12 @@ typedef struct HYI_I(hyi_verdicts) {
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
-    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
-    for (int i = 0; i < 3; i++) {
-        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
-        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
-    }
+    HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
-    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
-    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_SIZE8(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
@@ -12221,8 +12217,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, 
     m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
 }
 
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
-
 /* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
 typedef struct HYI_I(hyi_verdict_all) {
     HYI_FW least, most;
@@ -12231,23 +12225,20 @@ typedef struct HYI_I(hyi_verdict_all) {
 } HYI_I(hyi_verdict_all);
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const HYI_I(hyi_meeting) *m, HYI_I(hyi_verdict_all) *verdict) {
-    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero, along = zero;
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_I(hyi_size_all)(sum);
-    for (int i = 0; i < 3; i++) {
-        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(m->corners[i].x), HYI_I(hyi_size_all)(m->corners[i].y)));
-        along = HYI_MAXW(along, HYI_I(hyi_size_all)(m->corners[i].z));
-    }
+    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_SIZEW(sum);
+    HYI_FW farthest = HYI_MAXW(HYI_SIZEW(m->first), HYI_SIZEW(m->last)), along = HYI_MULW(farthest, HYI_SIZEW(HYI_LOADW(packet->direction[2])));
+    for (int i = 0; i < 3; i++) across = HYI_MAXW(across, HYI_MAXW(HYI_SIZEW(m->corners[i].x), HYI_SIZEW(m->corners[i].y)));
     HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
     HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(m->w[0], m->t[0]), HYI_MULW(m->w[1], m->t[1])), HYI_MULW(m->w[2], m->t[2])), inverse);
-    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(m->first), HYI_I(hyi_size_all)(m->last));
-    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_SIZEW(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
     verdict->least = HYI_SUBW(mean, error);
     verdict->most = HYI_ADDW(mean, error);
     HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, m->least_w), HYI_LTW(m->most_w, zero));
     HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
     HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
     known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
-    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
+    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_SIZEW(t_near)));
     verdict->missed = HYI_BITSW(HYI_ANDW(known, HYI_ORW(HYI_LTW(verdict->most, t_near), HYI_LTW(HYI_LOADW(packet->t_far), verdict->least))));
     verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
@@ -12410,7 +12401,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW whe
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
     HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
     HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
-    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_I(hyi_size_all)(most)));
+    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
     HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
     HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
     HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
@@ -12730,7 +12721,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI
 
 /* Bits of lanes that are within -limit and limit; what is not a number is not. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
-    return HYI_BITSW(HYI_LEW(HYI_I(hyi_size_all)(v), HYI_SETW(limit)));
+    return HYI_BITSW(HYI_LEW(HYI_SIZEW(v), HYI_SETW(limit)));
 }
 
 /* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
@@ -12744,7 +12735,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
-        block->size[a] = HYI_I(hyi_size_all)(block->direction[a]);
+        block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
         fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
     }
@@ -12788,8 +12779,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block,
     }
     HYI_STOREW(packet->t_min, block->t_min);
     HYI_STOREW(packet->best_t, block->t_limit);
-    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_I(hyi_size_all)(block->t_min), slack)));
-    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_I(hyi_size_all)(block->t_limit), slack)));
+    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_SIZEW(block->t_min), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_SIZEW(block->t_limit), slack)));
     HYI_I(hyi_shear_packet)(packet);
 }
 
@@ -12882,10 +12873,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const H
 /* hyi_reach for all lanes. */
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW origin, int axis, bool loose) {
     HYI_FW lower = HYI_SETW(box->lower[axis]), upper = HYI_SETW(box->upper[axis]);
-    HYI_FW below = HYI_I(hyi_size_all)(HYI_SUBW(lower, origin)), above = HYI_I(hyi_size_all)(HYI_SUBW(upper, origin));
+    HYI_FW below = HYI_SIZEW(HYI_SUBW(lower, origin)), above = HYI_SIZEW(HYI_SUBW(upper, origin));
     if (!loose) return HYI_MAXW(below, above);
-    HYI_FW larger = HYI_MAXW(HYI_I(hyi_size_all)(lower), HYI_I(hyi_size_all)(upper));
-    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_I(hyi_size_all)(origin)));
+    HYI_FW larger = HYI_MAXW(HYI_SIZEW(lower), HYI_SIZEW(upper));
+    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_SIZEW(origin)));
 }
 
 /* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
@@ -12895,7 +12886,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_I(hyi_size_all)(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW v = block->origin[a], size = HYI_SIZEW(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
         HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
         bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
         HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
@@ -13320,6 +13311,9 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
+#undef HYI_SIZE4
+#undef HYI_SIZE8
+#undef HYI_SIZEW
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -13387,6 +13381,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_MAD4(a, b, c) _mm_add_ps(_mm_mul_ps(a, b), c)
 #define HYI_MIN4(a, b) _mm_min_ps(a, b)
 #define HYI_MAX4(a, b) _mm_max_ps(a, b)
+#define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_MAX4_AS_INTS(a, b) _mm_castsi128_ps(_mm_max_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
 #define HYI_MIN4_AS_INTS(a, b) _mm_castsi128_ps(_mm_min_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
 #define HYI_LT4(a, b) _mm_cmplt_ps(a, b)
@@ -13495,6 +13490,12 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_mad8)(HYI_I(hyi_f8) a, HYI_I(hyi_f
     return r;
 }
 
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_size8)(HYI_I(hyi_f8) a) {
+    a.low = HYI_SIZE4(a.low);
+    a.high = HYI_SIZE4(a.high);
+    return a;
+}
+
 HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_pin8)(HYI_I(hyi_f8) a) {
     a.low = HYI_PIN4(a.low);
     a.high = HYI_PIN4(a.high);
@@ -13582,6 +13583,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
 #define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
 #define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
+#define HYI_SIZE8(a) HYI_I(hyi_size8)(a)
 #define HYI_MAX8_AS_INTS(a, b) HYI_I(hyi_max8_as_ints)(a, b)
 #define HYI_MIN8_AS_INTS(a, b) HYI_I(hyi_min8_as_ints)(a, b)
 #define HYI_LT8(a, b) HYI_I(hyi_lt8)(a, b)
@@ -13607,6 +13609,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_DIVW(a, b) HYI_DIV8(a, b)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
+#define HYI_SIZEW(a) HYI_SIZE8(a)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
 #define HYI_LEW(a, b) HYI_LE8(a, b)
 #define HYI_CHOOSEW(m, a, b) HYI_I(hyi_choose8)(m, a, b)
@@ -13749,8 +13752,6 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
-
 /* What eight triangles are to a ray. */
 typedef struct HYI_I(hyi_verdicts) {
     uint32_t possible;        /* bits of those that it may hit */
@@ -13766,15 +13767,12 @@ typedef struct HYI_I(hyi_verdicts) {
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
-    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
-    for (int i = 0; i < 3; i++) {
-        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
-        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
-    }
+    HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
-    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
-    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_SIZE8(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
@@ -14024,8 +14022,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, 
     m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
 }
 
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
-
 /* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
 typedef struct HYI_I(hyi_verdict_all) {
     HYI_FW least, most;
@@ -14034,23 +14030,20 @@ typedef struct HYI_I(hyi_verdict_all) {
 } HYI_I(hyi_verdict_all);
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const HYI_I(hyi_meeting) *m, HYI_I(hyi_verdict_all) *verdict) {
-    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero, along = zero;
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_I(hyi_size_all)(sum);
-    for (int i = 0; i < 3; i++) {
-        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(m->corners[i].x), HYI_I(hyi_size_all)(m->corners[i].y)));
-        along = HYI_MAXW(along, HYI_I(hyi_size_all)(m->corners[i].z));
-    }
+    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_SIZEW(sum);
+    HYI_FW farthest = HYI_MAXW(HYI_SIZEW(m->first), HYI_SIZEW(m->last)), along = HYI_MULW(farthest, HYI_SIZEW(HYI_LOADW(packet->direction[2])));
+    for (int i = 0; i < 3; i++) across = HYI_MAXW(across, HYI_MAXW(HYI_SIZEW(m->corners[i].x), HYI_SIZEW(m->corners[i].y)));
     HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
     HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(m->w[0], m->t[0]), HYI_MULW(m->w[1], m->t[1])), HYI_MULW(m->w[2], m->t[2])), inverse);
-    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(m->first), HYI_I(hyi_size_all)(m->last));
-    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_SIZEW(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
     verdict->least = HYI_SUBW(mean, error);
     verdict->most = HYI_ADDW(mean, error);
     HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, m->least_w), HYI_LTW(m->most_w, zero));
     HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
     HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
     known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
-    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
+    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_SIZEW(t_near)));
     verdict->missed = HYI_BITSW(HYI_ANDW(known, HYI_ORW(HYI_LTW(verdict->most, t_near), HYI_LTW(HYI_LOADW(packet->t_far), verdict->least))));
     verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
@@ -14213,7 +14206,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW whe
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
     HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
     HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
-    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_I(hyi_size_all)(most)));
+    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
     HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
     HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
     HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
@@ -14533,7 +14526,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI
 
 /* Bits of lanes that are within -limit and limit; what is not a number is not. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
-    return HYI_BITSW(HYI_LEW(HYI_I(hyi_size_all)(v), HYI_SETW(limit)));
+    return HYI_BITSW(HYI_LEW(HYI_SIZEW(v), HYI_SETW(limit)));
 }
 
 /* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
@@ -14547,7 +14540,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
-        block->size[a] = HYI_I(hyi_size_all)(block->direction[a]);
+        block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
         fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
     }
@@ -14591,8 +14584,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block,
     }
     HYI_STOREW(packet->t_min, block->t_min);
     HYI_STOREW(packet->best_t, block->t_limit);
-    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_I(hyi_size_all)(block->t_min), slack)));
-    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_I(hyi_size_all)(block->t_limit), slack)));
+    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_SIZEW(block->t_min), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_SIZEW(block->t_limit), slack)));
     HYI_I(hyi_shear_packet)(packet);
 }
 
@@ -14685,10 +14678,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const H
 /* hyi_reach for all lanes. */
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW origin, int axis, bool loose) {
     HYI_FW lower = HYI_SETW(box->lower[axis]), upper = HYI_SETW(box->upper[axis]);
-    HYI_FW below = HYI_I(hyi_size_all)(HYI_SUBW(lower, origin)), above = HYI_I(hyi_size_all)(HYI_SUBW(upper, origin));
+    HYI_FW below = HYI_SIZEW(HYI_SUBW(lower, origin)), above = HYI_SIZEW(HYI_SUBW(upper, origin));
     if (!loose) return HYI_MAXW(below, above);
-    HYI_FW larger = HYI_MAXW(HYI_I(hyi_size_all)(lower), HYI_I(hyi_size_all)(upper));
-    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_I(hyi_size_all)(origin)));
+    HYI_FW larger = HYI_MAXW(HYI_SIZEW(lower), HYI_SIZEW(upper));
+    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_SIZEW(origin)));
 }
 
 /* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
@@ -14698,7 +14691,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_I(hyi_size_all)(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW v = block->origin[a], size = HYI_SIZEW(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
         HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
         bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
         HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
@@ -15123,6 +15116,9 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
+#undef HYI_SIZE4
+#undef HYI_SIZE8
+#undef HYI_SIZEW
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
@@ -15191,6 +15187,7 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_MAD4(a, b, c) vfmaq_f32(c, a, b)
 #define HYI_MIN4(a, b) vminq_f32(a, b)
 #define HYI_MAX4(a, b) vmaxq_f32(a, b)
+#define HYI_SIZE4(a) vabsq_f32(a)
 #define HYI_MAX4_AS_INTS(a, b) HYI_MAX4(a, b) /* as soon done */
 #define HYI_MIN4_AS_INTS(a, b) HYI_MIN4(a, b)
 #define HYI_LT4(a, b) vcltq_f32(a, b)
@@ -15299,6 +15296,12 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_mad8)(HYI_I(hyi_f8) a, HYI_I(hyi_f
     return r;
 }
 
+HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_size8)(HYI_I(hyi_f8) a) {
+    a.low = HYI_SIZE4(a.low);
+    a.high = HYI_SIZE4(a.high);
+    return a;
+}
+
 HYI_INLINE HYI_TARGET HYI_I(hyi_f8) HYI_I(hyi_pin8)(HYI_I(hyi_f8) a) {
     a.low = HYI_PIN4(a.low);
     a.high = HYI_PIN4(a.high);
@@ -15386,6 +15389,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_MAD8(a, b, c) HYI_I(hyi_mad8)(a, b, c)
 #define HYI_MIN8(a, b) HYI_I(hyi_min8)(a, b)
 #define HYI_MAX8(a, b) HYI_I(hyi_max8)(a, b)
+#define HYI_SIZE8(a) HYI_I(hyi_size8)(a)
 #define HYI_MAX8_AS_INTS(a, b) HYI_I(hyi_max8_as_ints)(a, b)
 #define HYI_MIN8_AS_INTS(a, b) HYI_I(hyi_min8_as_ints)(a, b)
 #define HYI_LT8(a, b) HYI_I(hyi_lt8)(a, b)
@@ -15411,6 +15415,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_DIVW(a, b) HYI_DIV8(a, b)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
+#define HYI_SIZEW(a) HYI_SIZE8(a)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
 #define HYI_LEW(a, b) HYI_LE8(a, b)
 #define HYI_CHOOSEW(m, a, b) HYI_I(hyi_choose8)(m, a, b)
@@ -15553,8 +15558,6 @@ HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_cross)(HYI_I(hyi_corners) p, HYI_I(hyi_co
     return HYI_SUB8(HYI_PIN8(HYI_MUL8(p.x, q.y)), HYI_PIN8(HYI_MUL8(p.y, q.x)));
 }
 
-HYI_INLINE HYI_TARGET HYI_F8 HYI_I(hyi_size)(HYI_F8 v) { return HYI_MAX8(v, HYI_SUB8(HYI_ZERO8(), v)); }
-
 /* What eight triangles are to a ray. */
 typedef struct HYI_I(hyi_verdicts) {
     uint32_t possible;        /* bits of those that it may hit */
@@ -15570,15 +15573,12 @@ typedef struct HYI_I(hyi_verdicts) {
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
-    HYI_F8 across = HYI_ZERO8(), along = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_I(hyi_size)(sum);
-    for (int i = 0; i < 3; i++) {
-        across = HYI_MAX8(across, HYI_MAX8(HYI_I(hyi_size)(k[i].x), HYI_I(hyi_size)(k[i].y)));
-        along = HYI_MAX8(along, HYI_I(hyi_size)(k[i].z));
-    }
+    HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
-    HYI_F8 farthest = HYI_MAX8(HYI_I(hyi_size)(first), HYI_I(hyi_size)(last));
-    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_I(hyi_size)(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
+    HYI_F8 error = HYI_MAD8(HYI_MUL8(HYI_SUB8(last, first), noise), HYI_SIZE8(inverse), HYI_MUL8(HYI_SET8(HYI_T_NOISE), farthest));
     HYI_F8 least = HYI_SUB8(mean, error), most = HYI_ADD8(mean, error);
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
@@ -15828,8 +15828,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, 
     m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
 }
 
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_size_all)(HYI_FW v) { return HYI_MAXW(v, HYI_SUBW(HYI_ZEROW(), v)); }
-
 /* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
 typedef struct HYI_I(hyi_verdict_all) {
     HYI_FW least, most;
@@ -15838,23 +15836,20 @@ typedef struct HYI_I(hyi_verdict_all) {
 } HYI_I(hyi_verdict_all);
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const HYI_I(hyi_meeting) *m, HYI_I(hyi_verdict_all) *verdict) {
-    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero, along = zero;
-    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_I(hyi_size_all)(sum);
-    for (int i = 0; i < 3; i++) {
-        across = HYI_MAXW(across, HYI_MAXW(HYI_I(hyi_size_all)(m->corners[i].x), HYI_I(hyi_size_all)(m->corners[i].y)));
-        along = HYI_MAXW(along, HYI_I(hyi_size_all)(m->corners[i].z));
-    }
+    HYI_FW zero = HYI_ZEROW(), t_near = HYI_LOADW(packet->t_near), across = zero;
+    HYI_FW sum = HYI_ADDW(HYI_ADDW(m->w[0], m->w[1]), m->w[2]), size = HYI_SIZEW(sum);
+    HYI_FW farthest = HYI_MAXW(HYI_SIZEW(m->first), HYI_SIZEW(m->last)), along = HYI_MULW(farthest, HYI_SIZEW(HYI_LOADW(packet->direction[2])));
+    for (int i = 0; i < 3; i++) across = HYI_MAXW(across, HYI_MAXW(HYI_SIZEW(m->corners[i].x), HYI_SIZEW(m->corners[i].y)));
     HYI_FW noise = HYI_MULW(HYI_MULW(HYI_SETW(HYI_EDGE_NOISE), across), HYI_ADDW(across, along)), inverse = HYI_DIVW(HYI_SETW(1.0f), sum);
     HYI_FW mean = HYI_MULW(HYI_ADDW(HYI_ADDW(HYI_MULW(m->w[0], m->t[0]), HYI_MULW(m->w[1], m->t[1])), HYI_MULW(m->w[2], m->t[2])), inverse);
-    HYI_FW farthest = HYI_MAXW(HYI_I(hyi_size_all)(m->first), HYI_I(hyi_size_all)(m->last));
-    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_I(hyi_size_all)(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
+    HYI_FW error = HYI_ADDW(HYI_MULW(HYI_MULW(HYI_SUBW(m->last, m->first), noise), HYI_SIZEW(inverse)), HYI_MULW(HYI_SETW(HYI_T_NOISE), farthest));
     verdict->least = HYI_SUBW(mean, error);
     verdict->most = HYI_ADDW(mean, error);
     HYI_MW one_sign = HYI_ORW(HYI_LTW(zero, m->least_w), HYI_LTW(m->most_w, zero));
     HYI_MW known = HYI_ANDW(one_sign, HYI_LTW(HYI_MULW(HYI_SETW(4.0f), noise), size));
     HYI_FW product = HYI_MINW(HYI_MINW(size, farthest), HYI_MULW(size, farthest));
     known = HYI_ANDW(known, HYI_LTW(HYI_SETW(HYI_EDGE_LEAST), product));
-    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_I(hyi_size_all)(t_near)));
+    HYI_FW from = HYI_ADDW(t_near, HYI_MULW(HYI_SETW(16.0f * HYI_ULP), HYI_SIZEW(t_near)));
     verdict->missed = HYI_BITSW(HYI_ANDW(known, HYI_ORW(HYI_LTW(verdict->most, t_near), HYI_LTW(HYI_LOADW(packet->t_far), verdict->least))));
     verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
@@ -16017,7 +16012,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW whe
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
     HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
     HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
-    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_I(hyi_size_all)(most)));
+    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
     HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
     HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
     HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
@@ -16337,7 +16332,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI
 
 /* Bits of lanes that are within -limit and limit; what is not a number is not. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
-    return HYI_BITSW(HYI_LEW(HYI_I(hyi_size_all)(v), HYI_SETW(limit)));
+    return HYI_BITSW(HYI_LEW(HYI_SIZEW(v), HYI_SETW(limit)));
 }
 
 /* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
@@ -16351,7 +16346,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
-        block->size[a] = HYI_I(hyi_size_all)(block->direction[a]);
+        block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
         fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
     }
@@ -16395,8 +16390,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_fill_packet)(const HYI_I(hyi_block) *block,
     }
     HYI_STOREW(packet->t_min, block->t_min);
     HYI_STOREW(packet->best_t, block->t_limit);
-    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_I(hyi_size_all)(block->t_min), slack)));
-    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_I(hyi_size_all)(block->t_limit), slack)));
+    HYI_STOREW(packet->t_near, HYI_SUBW(block->t_min, HYI_MULW(HYI_SIZEW(block->t_min), slack)));
+    HYI_STOREW(packet->t_far, HYI_ADDW(block->t_limit, HYI_MULW(HYI_SIZEW(block->t_limit), slack)));
     HYI_I(hyi_shear_packet)(packet);
 }
 
@@ -16489,10 +16484,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const H
 /* hyi_reach for all lanes. */
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW origin, int axis, bool loose) {
     HYI_FW lower = HYI_SETW(box->lower[axis]), upper = HYI_SETW(box->upper[axis]);
-    HYI_FW below = HYI_I(hyi_size_all)(HYI_SUBW(lower, origin)), above = HYI_I(hyi_size_all)(HYI_SUBW(upper, origin));
+    HYI_FW below = HYI_SIZEW(HYI_SUBW(lower, origin)), above = HYI_SIZEW(HYI_SUBW(upper, origin));
     if (!loose) return HYI_MAXW(below, above);
-    HYI_FW larger = HYI_MAXW(HYI_I(hyi_size_all)(lower), HYI_I(hyi_size_all)(upper));
-    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_I(hyi_size_all)(origin)));
+    HYI_FW larger = HYI_MAXW(HYI_SIZEW(lower), HYI_SIZEW(upper));
+    return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_SIZEW(origin)));
 }
 
 /* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
@@ -16502,7 +16497,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_I(hyi_size_all)(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW v = block->origin[a], size = HYI_SIZEW(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
         HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
         bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
         HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
@@ -16927,6 +16922,9 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
+#undef HYI_SIZE4
+#undef HYI_SIZE8
+#undef HYI_SIZEW
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
