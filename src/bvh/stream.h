@@ -156,6 +156,19 @@ HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
 
 /* ---- beginning */
 
+#define HYI_SETTLE_AHEAD 8u /* flights whose triangles are asked for meanwhile */
+
+/* The first count flights. Where one has nothing to settle, the first leaf is asked for: a branch would cost more. */
+HYI_FN void hyi_settle_all(const hyi_site *site, hyi_flight *flights, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        const hyi_flight *later = &flights[i + HYI_SETTLE_AHEAD < count ? i + HYI_SETTLE_AHEAD : i];
+        const char *rows = (const char *)hyi_leaf_rows(site->bvh, later->aim.leaf);
+        for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(rows + 64u * line);
+        hyi_prefetch(&site->bvh->ids[hyi_leaf_first(later->aim.leaf)]);
+        hyi_settle(site, &flights[i]);
+    }
+}
+
 /* Of flights side by side, keeps those whose bits are set; returns how many these are. */
 HYI_INLINE uint32_t hyi_keep_flights(hyi_flight *flights, uint32_t bits) {
     uint32_t kept = 0;

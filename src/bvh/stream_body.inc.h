@@ -227,7 +227,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
     if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
-    for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
+    if (!any && site->bvh->rows) hyi_settle_all(site, swarm.flights, count);
 }
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
