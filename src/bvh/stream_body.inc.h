@@ -1,9 +1,10 @@
 /* ---- many rays (expanded once for each instruction set)
 
-   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
+   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
+   a list of flights down says how often these met something nearer than before. */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
@@ -65,9 +66,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
     }
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0, hits = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
     for (uint32_t c = 0; c < HYI_WIDTH; c++) {
@@ -81,14 +82,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t
     for (uint32_t i = 0; i < children; i++) {
         uint32_t c = order[i];
         bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
-        if (leaf && packets) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
-        else if (leaf) HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]));
-        else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+        if (leaf && packets) {
+            HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        } else if (leaf) {
+            if (HYI_CULL_SHARE * hits >= count) dealt[c] = HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]);
+            hits += HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, dealt[c]);
+        } else {
+            hits += HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+        }
     }
+    return hits;
 }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    return HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
 }
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
@@ -97,11 +104,15 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
 
 /* ---- leaves */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight *flight = &swarm->flights[list[i]];
-        if (HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any) && swarm->any) hyi_flight_stop(flight);
+        if (!HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any)) continue;
+        if (swarm->any) hyi_flight_stop(flight);
+        hits++;
     }
+    return hits;
 }
 
 /* ---- instances */
@@ -126,13 +137,17 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t le
 
 /* ---- the way down */
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight *flight = &swarm->flights[list[i]];
         if (flight->aim.t_far == -FLT_MAX) continue;
+        float limit = flight->aim.t_far;
         HYI_I(hyi_walk_scene)(&swarm->site, flight, at, swarm->any);
         if (swarm->any && flight->best.instance != HYK_NONE) hyi_flight_stop(flight);
+        hits += flight->aim.t_far < limit ? 1u : 0u;
     }
+    return hits;
 }
 
 /* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
@@ -144,21 +159,22 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint3
 
 /* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
    one. Packets are only in trees of triangles. */
-HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
     if (packets) {
         if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
         else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
     } else if (leaf && swarm->site.bvh->rows) {
-        HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+        return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
         HYI_I(hyi_list_enter)(swarm, at, list, count, space);
     } else if (fits && count >= HYI_LIST_LEAST) {
-        HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+        return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
     } else {
-        HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+        return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
     }
+    return 0;
 }
 
 /* ---- all rays of a slice */
