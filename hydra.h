@@ -9324,6 +9324,7 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_STREAM_PACKETS 128u  /* of them at a time, at most */
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
+#define HYI_CULL_SHARE 6u        /* if fewer than one in so many met something, lists are not looked through for rays to leave out */
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
@@ -9458,6 +9459,19 @@ HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
 }
 
 /* ---- beginning */
+
+#define HYI_SETTLE_AHEAD 8u /* flights whose triangles are asked for meanwhile */
+
+/* The first count flights. Where one has nothing to settle, the first leaf is asked for: a branch would cost more. */
+HYI_FN void hyi_settle_all(const hyi_site *site, hyi_flight *flights, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        const hyi_flight *later = &flights[i + HYI_SETTLE_AHEAD < count ? i + HYI_SETTLE_AHEAD : i];
+        const char *rows = (const char *)hyi_leaf_rows(site->bvh, later->aim.leaf);
+        for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(rows + 64u * line);
+        hyi_prefetch(&site->bvh->ids[hyi_leaf_first(later->aim.leaf)]);
+        hyi_settle(site, &flights[i]);
+    }
+}
 
 /* Of flights side by side, keeps those whose bits are set; returns how many these are. */
 HYI_INLINE uint32_t hyi_keep_flights(hyi_flight *flights, uint32_t bits) {
@@ -11274,10 +11288,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
 }
 /* ---- many rays (expanded once for each instruction set)
 
-   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
+   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
+   a list of flights down says how often these met something nearer than before. */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
@@ -11339,9 +11354,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
     }
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0, hits = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
     for (uint32_t c = 0; c < HYI_WIDTH; c++) {
@@ -11355,14 +11370,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t
     for (uint32_t i = 0; i < children; i++) {
         uint32_t c = order[i];
         bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
-        if (leaf && packets) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
-        else if (leaf) HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]));
-        else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+        if (leaf && packets) {
+            HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        } else if (leaf) {
+            if (HYI_CULL_SHARE * hits >= count) dealt[c] = HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]);
+            hits += HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, dealt[c]);
+        } else {
+            hits += HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+        }
     }
+    return hits;
 }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    return HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
 }
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
@@ -11371,11 +11392,15 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
 
 /* ---- leaves */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight *flight = &swarm->flights[list[i]];
-        if (HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any) && swarm->any) hyi_flight_stop(flight);
+        if (!HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any)) continue;
+        if (swarm->any) hyi_flight_stop(flight);
+        hits++;
     }
+    return hits;
 }
 
 /* ---- instances */
@@ -11400,13 +11425,17 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t le
 
 /* ---- the way down */
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight *flight = &swarm->flights[list[i]];
         if (flight->aim.t_far == -FLT_MAX) continue;
+        float limit = flight->aim.t_far;
         HYI_I(hyi_walk_scene)(&swarm->site, flight, at, swarm->any);
         if (swarm->any && flight->best.instance != HYK_NONE) hyi_flight_stop(flight);
+        hits += flight->aim.t_far < limit ? 1u : 0u;
     }
+    return hits;
 }
 
 /* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
@@ -11418,21 +11447,22 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint3
 
 /* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
    one. Packets are only in trees of triangles. */
-HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
     if (packets) {
         if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
         else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
     } else if (leaf && swarm->site.bvh->rows) {
-        HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+        return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
         HYI_I(hyi_list_enter)(swarm, at, list, count, space);
     } else if (fits && count >= HYI_LIST_LEAST) {
-        HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+        return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
     } else {
-        HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+        return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
     }
+    return 0;
 }
 
 /* ---- all rays of a slice */
@@ -11501,7 +11531,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
     if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
-    for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
+    if (!any && site->bvh->rows) hyi_settle_all(site, swarm.flights, count);
 }
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
@@ -12960,10 +12990,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
 }
 /* ---- many rays (expanded once for each instruction set)
 
-   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
+   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
+   a list of flights down says how often these met something nearer than before. */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
@@ -13025,9 +13056,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
     }
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0, hits = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
     for (uint32_t c = 0; c < HYI_WIDTH; c++) {
@@ -13041,14 +13072,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t
     for (uint32_t i = 0; i < children; i++) {
         uint32_t c = order[i];
         bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
-        if (leaf && packets) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
-        else if (leaf) HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]));
-        else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+        if (leaf && packets) {
+            HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        } else if (leaf) {
+            if (HYI_CULL_SHARE * hits >= count) dealt[c] = HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]);
+            hits += HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, dealt[c]);
+        } else {
+            hits += HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+        }
     }
+    return hits;
 }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    return HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
 }
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
@@ -13057,11 +13094,15 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
 
 /* ---- leaves */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight *flight = &swarm->flights[list[i]];
-        if (HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any) && swarm->any) hyi_flight_stop(flight);
+        if (!HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any)) continue;
+        if (swarm->any) hyi_flight_stop(flight);
+        hits++;
     }
+    return hits;
 }
 
 /* ---- instances */
@@ -13086,13 +13127,17 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t le
 
 /* ---- the way down */
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight *flight = &swarm->flights[list[i]];
         if (flight->aim.t_far == -FLT_MAX) continue;
+        float limit = flight->aim.t_far;
         HYI_I(hyi_walk_scene)(&swarm->site, flight, at, swarm->any);
         if (swarm->any && flight->best.instance != HYK_NONE) hyi_flight_stop(flight);
+        hits += flight->aim.t_far < limit ? 1u : 0u;
     }
+    return hits;
 }
 
 /* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
@@ -13104,21 +13149,22 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint3
 
 /* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
    one. Packets are only in trees of triangles. */
-HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
     if (packets) {
         if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
         else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
     } else if (leaf && swarm->site.bvh->rows) {
-        HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+        return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
         HYI_I(hyi_list_enter)(swarm, at, list, count, space);
     } else if (fits && count >= HYI_LIST_LEAST) {
-        HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+        return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
     } else {
-        HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+        return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
     }
+    return 0;
 }
 
 /* ---- all rays of a slice */
@@ -13187,7 +13233,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
     if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
-    for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
+    if (!any && site->bvh->rows) hyi_settle_all(site, swarm.flights, count);
 }
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
@@ -14765,10 +14811,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
 }
 /* ---- many rays (expanded once for each instruction set)
 
-   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
+   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
+   a list of flights down says how often these met something nearer than before. */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
@@ -14830,9 +14877,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
     }
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0, hits = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
     for (uint32_t c = 0; c < HYI_WIDTH; c++) {
@@ -14846,14 +14893,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t
     for (uint32_t i = 0; i < children; i++) {
         uint32_t c = order[i];
         bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
-        if (leaf && packets) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
-        else if (leaf) HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]));
-        else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+        if (leaf && packets) {
+            HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        } else if (leaf) {
+            if (HYI_CULL_SHARE * hits >= count) dealt[c] = HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]);
+            hits += HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, dealt[c]);
+        } else {
+            hits += HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+        }
     }
+    return hits;
 }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    return HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
 }
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
@@ -14862,11 +14915,15 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
 
 /* ---- leaves */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight *flight = &swarm->flights[list[i]];
-        if (HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any) && swarm->any) hyi_flight_stop(flight);
+        if (!HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any)) continue;
+        if (swarm->any) hyi_flight_stop(flight);
+        hits++;
     }
+    return hits;
 }
 
 /* ---- instances */
@@ -14891,13 +14948,17 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t le
 
 /* ---- the way down */
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight *flight = &swarm->flights[list[i]];
         if (flight->aim.t_far == -FLT_MAX) continue;
+        float limit = flight->aim.t_far;
         HYI_I(hyi_walk_scene)(&swarm->site, flight, at, swarm->any);
         if (swarm->any && flight->best.instance != HYK_NONE) hyi_flight_stop(flight);
+        hits += flight->aim.t_far < limit ? 1u : 0u;
     }
+    return hits;
 }
 
 /* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
@@ -14909,21 +14970,22 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint3
 
 /* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
    one. Packets are only in trees of triangles. */
-HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
     if (packets) {
         if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
         else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
     } else if (leaf && swarm->site.bvh->rows) {
-        HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+        return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
         HYI_I(hyi_list_enter)(swarm, at, list, count, space);
     } else if (fits && count >= HYI_LIST_LEAST) {
-        HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+        return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
     } else {
-        HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+        return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
     }
+    return 0;
 }
 
 /* ---- all rays of a slice */
@@ -14992,7 +15054,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
     if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
-    for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
+    if (!any && site->bvh->rows) hyi_settle_all(site, swarm.flights, count);
 }
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
@@ -16571,10 +16633,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
 }
 /* ---- many rays (expanded once for each instruction set)
 
-   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. */
+   Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
+   a list of flights down says how often these met something nearer than before. */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
@@ -16636,9 +16699,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
     }
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0;
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0, hits = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
     for (uint32_t c = 0; c < HYI_WIDTH; c++) {
@@ -16652,14 +16715,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t
     for (uint32_t i = 0; i < children; i++) {
         uint32_t c = order[i];
         bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
-        if (leaf && packets) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
-        else if (leaf) HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]));
-        else HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+        if (leaf && packets) {
+            HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
+        } else if (leaf) {
+            if (HYI_CULL_SHARE * hits >= count) dealt[c] = HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]);
+            hits += HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, dealt[c]);
+        } else {
+            hits += HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+        }
     }
+    return hits;
 }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    return HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
 }
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
@@ -16668,11 +16737,15 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
 
 /* ---- leaves */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight *flight = &swarm->flights[list[i]];
-        if (HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any) && swarm->any) hyi_flight_stop(flight);
+        if (!HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any)) continue;
+        if (swarm->any) hyi_flight_stop(flight);
+        hits++;
     }
+    return hits;
 }
 
 /* ---- instances */
@@ -16697,13 +16770,17 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t le
 
 /* ---- the way down */
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight *flight = &swarm->flights[list[i]];
         if (flight->aim.t_far == -FLT_MAX) continue;
+        float limit = flight->aim.t_far;
         HYI_I(hyi_walk_scene)(&swarm->site, flight, at, swarm->any);
         if (swarm->any && flight->best.instance != HYK_NONE) hyi_flight_stop(flight);
+        hits += flight->aim.t_far < limit ? 1u : 0u;
     }
+    return hits;
 }
 
 /* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
@@ -16715,21 +16792,22 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint3
 
 /* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
    one. Packets are only in trees of triangles. */
-HYI_FN HYI_TARGET void HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
     if (packets) {
         if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
         else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
     } else if (leaf && swarm->site.bvh->rows) {
-        HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+        return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
         HYI_I(hyi_list_enter)(swarm, at, list, count, space);
     } else if (fits && count >= HYI_LIST_LEAST) {
-        HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+        return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
     } else {
-        HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+        return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
     }
+    return 0;
 }
 
 /* ---- all rays of a slice */
@@ -16798,7 +16876,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
     if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
-    for (uint32_t i = 0; i < count && !any && site->bvh->rows; i++) hyi_settle(site, &swarm.flights[i]);
+    if (!any && site->bvh->rows) hyi_settle_all(site, swarm.flights, count);
 }
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
