@@ -290,8 +290,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW whe
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
     HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
     HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
-    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
-    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
+    HYI_FW limit = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, limit, HYI_LOADW(packet->t_far)));
     HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
     HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
     HYI_I(hyi_put_word)(&packet->triangle, nearer, triangle);

@@ -88,6 +88,32 @@ int main(void) {
     return made == HYDRA_OK ? found != HYDRA_OK || count == 0 : made != HYDRA_ERROR_DEVICE;
 }
 C
+cat > "$scratch/rays.c" <<C
+#define HYDRA_STATIC
+#define HYDRA_IMPLEMENTATION
+#include "$header"
+int main(void) {
+    const float corners[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    const uint32_t triangle[3] = {0, 1, 2};
+    hydra_ray ray = {{0.25f, 0.25f, 1}, 0, {0, 0, -1}, 2};
+    hydra_hit hit;
+    uint8_t occluded;
+    hydra_mesh_desc mesh;
+    hydra_context *context = hydra_create(NULL);
+    hydra_scene *scene = hydra_scene_create(context);
+    memset(&mesh, 0, sizeof mesh);
+    mesh.positions.data = corners;
+    mesh.positions.count = 3;
+    mesh.indices.data = triangle;
+    mesh.indices.count = 3;
+    hydra_scene_add_mesh(scene, &mesh);
+    if (hydra_scene_commit(scene) != HYDRA_OK) return 1;
+    hydra_scene_closest_hits(scene, &ray, &hit, 1);
+    hydra_scene_any_hits(scene, &ray, &occluded, 1);
+    hydra_destroy(context);
+    return hit.t == 1 && occluded ? 0 : 1;
+}
+C
 sed 's/#include/#define HYDRA_STATIC\n#define HYDRA_IMPLEMENTATION\n&/' "$scratch/user.c" > "$scratch/static.c"
 
 # ---- every standard, compiler and setting, without code generation
@@ -142,6 +168,8 @@ link c-c++ "clang -std=c99 -x c" "g++ -std=c++11 -x c++" g++
 link c++-c "g++ -std=c++11 -x c++" "gcc -std=c99 -x c" g++
 add link-static "gcc -std=c99 $warnings_c -O0 $scratch/static.c -o $scratch/static -lm -pthread && $scratch/static"
 add link-no-threads "gcc -std=c99 $warnings_c -O0 -DHYDRA_NO_THREADS $scratch/static.c -o $scratch/unthreaded -lm && $scratch/unthreaded && ! nm -u $scratch/unthreaded | grep pthread"
+# A program that only casts rays gets less than half of the code, as the header says.
+add link-rays "gcc -std=c99 -O1 $scratch/rays.c -o $scratch/rays -lm -pthread && $scratch/rays && gcc -std=c99 -O1 -c $scratch/whole.c -o $scratch/rays.o && test \$(size $scratch/rays | awk 'NR == 2 { print 2 * \$1 }') -lt \$(size $scratch/rays.o | awk 'NR == 2 { print \$1 }')"
 # Without Vulkan's library; where there is none at run time, or no device, the program says so and ends well.
 add link-vk "clang -std=c99 $warnings_c -O0 -c $scratch/both.c -o $scratch/vk.1.o && g++ -std=c++11 -x c++ -c $scratch/vk_user.c -o $scratch/vk.2.o && g++ $scratch/vk.1.o $scratch/vk.2.o -o $scratch/vk -lm -pthread -ldl && $scratch/vk"
 
