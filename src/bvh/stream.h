@@ -20,7 +20,6 @@
 #define HYI_STREAM_RAYS 4096u    /* on their way at a time */
 #define HYI_STREAM_PACKETS 128u  /* of them at a time, at most */
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
-#define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
 #define HYI_CULL_SHARE 6u        /* if fewer than one in so many met something, lists are not looked through for rays to leave out */
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
@@ -144,9 +143,13 @@ HYI_INLINE void hyi_group(const uint8_t *keys, uint32_t count, uint32_t *order, 
 
 /* Of eight. */
 HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
+#if HYI_GNU
+    return (uint32_t)__builtin_popcount(bits);
+#else
     bits -= bits >> 1 & 0x55u;
     bits = (bits & 0x33u) + (bits >> 2 & 0x33u);
     return (bits + (bits >> 4)) & 0xfu;
+#endif
 }
 
 /* What a child will read first. */

@@ -68,13 +68,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0, hits = 0;
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], hits = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        mask |= (dealt[c] ? 1u : 0u) << c;
-        nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by the bounds of a packet, but by none of its rays */
-    }
+    for (uint32_t c = 0; packets && c < HYI_WIDTH; c++) nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by bounds, but by no ray */
+    uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
     if (swarm->site.bvh->rows)
         for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
     HYI_I(hyi_order_children)(nearest, order);
@@ -157,8 +155,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint3
     for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
 }
 
-/* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
-   one. Packets are only in trees of triangles. */
+/* Sends a list through the child at; space: free memory for lists. Where that is short, rays go one by one.
+   Packets are only in trees of triangles. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
@@ -169,7 +167,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_
         return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
         HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else if (fits && count >= HYI_LIST_LEAST) {
+    } else if (fits) {
         return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
     } else {
         return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
@@ -235,7 +233,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    if ((size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
