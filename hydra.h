@@ -486,7 +486,7 @@ HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *da
    Rays on their own: picking, visibility, physics, or a renderer of your own. What they need is a context, a scene with
    meshes and instances, and a commit; materials matter only where they cut holes (alpha), lights only where they have a
    shape that can be hit. A program that uses no more than this and defines HYDRA_STATIC (or links with
-   -ffunction-sections -Wl,--gc-sections) gets a third of the library's code.
+   -ffunction-sections -Wl,--gc-sections) gets less than half of the library's code.
 
    Guarantees. Watertight: a ray through a shared edge or vertex hits one of the triangles around it. Exact: among
    triangles the nearest is decided in double from the float coordinates given, t is rounded once; there is no epsilon,
@@ -9323,7 +9323,6 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_STREAM_RAYS 4096u    /* on their way at a time */
 #define HYI_STREAM_PACKETS 128u  /* of them at a time, at most */
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
-#define HYI_LIST_LEAST 2u        /* shorter lists are walked ray by ray */
 #define HYI_CULL_SHARE 6u        /* if fewer than one in so many met something, lists are not looked through for rays to leave out */
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
@@ -9447,9 +9446,13 @@ HYI_INLINE void hyi_group(const uint8_t *keys, uint32_t count, uint32_t *order, 
 
 /* Of eight. */
 HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
+#if HYI_GNU
+    return (uint32_t)__builtin_popcount(bits);
+#else
     bits -= bits >> 1 & 0x55u;
     bits = (bits & 0x33u) + (bits >> 2 & 0x33u);
     return (bits + (bits >> 4)) & 0xfu;
+#endif
 }
 
 /* What a child will read first. */
@@ -10729,8 +10732,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW whe
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
     HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
     HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
-    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
-    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
+    HYI_FW limit = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, limit, HYI_LOADW(packet->t_far)));
     HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
     HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
     HYI_I(hyi_put_word)(&packet->triangle, nearer, triangle);
@@ -11356,13 +11359,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0, hits = 0;
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], hits = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        mask |= (dealt[c] ? 1u : 0u) << c;
-        nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by the bounds of a packet, but by none of its rays */
-    }
+    for (uint32_t c = 0; packets && c < HYI_WIDTH; c++) nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by bounds, but by no ray */
+    uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
     if (swarm->site.bvh->rows)
         for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
     HYI_I(hyi_order_children)(nearest, order);
@@ -11445,8 +11446,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint3
     for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
 }
 
-/* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
-   one. Packets are only in trees of triangles. */
+/* Sends a list through the child at; space: free memory for lists. Where that is short, rays go one by one.
+   Packets are only in trees of triangles. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
@@ -11457,7 +11458,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_
         return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
         HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else if (fits && count >= HYI_LIST_LEAST) {
+    } else if (fits) {
         return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
     } else {
         return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
@@ -11523,7 +11524,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    if ((size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -12431,8 +12432,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW whe
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
     HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
     HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
-    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
-    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
+    HYI_FW limit = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, limit, HYI_LOADW(packet->t_far)));
     HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
     HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
     HYI_I(hyi_put_word)(&packet->triangle, nearer, triangle);
@@ -13058,13 +13059,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0, hits = 0;
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], hits = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        mask |= (dealt[c] ? 1u : 0u) << c;
-        nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by the bounds of a packet, but by none of its rays */
-    }
+    for (uint32_t c = 0; packets && c < HYI_WIDTH; c++) nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by bounds, but by no ray */
+    uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
     if (swarm->site.bvh->rows)
         for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
     HYI_I(hyi_order_children)(nearest, order);
@@ -13147,8 +13146,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint3
     for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
 }
 
-/* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
-   one. Packets are only in trees of triangles. */
+/* Sends a list through the child at; space: free memory for lists. Where that is short, rays go one by one.
+   Packets are only in trees of triangles. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
@@ -13159,7 +13158,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_
         return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
         HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else if (fits && count >= HYI_LIST_LEAST) {
+    } else if (fits) {
         return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
     } else {
         return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
@@ -13225,7 +13224,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    if ((size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -14252,8 +14251,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW whe
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
     HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
     HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
-    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
-    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
+    HYI_FW limit = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, limit, HYI_LOADW(packet->t_far)));
     HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
     HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
     HYI_I(hyi_put_word)(&packet->triangle, nearer, triangle);
@@ -14879,13 +14878,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0, hits = 0;
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], hits = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        mask |= (dealt[c] ? 1u : 0u) << c;
-        nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by the bounds of a packet, but by none of its rays */
-    }
+    for (uint32_t c = 0; packets && c < HYI_WIDTH; c++) nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by bounds, but by no ray */
+    uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
     if (swarm->site.bvh->rows)
         for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
     HYI_I(hyi_order_children)(nearest, order);
@@ -14968,8 +14965,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint3
     for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
 }
 
-/* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
-   one. Packets are only in trees of triangles. */
+/* Sends a list through the child at; space: free memory for lists. Where that is short, rays go one by one.
+   Packets are only in trees of triangles. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
@@ -14980,7 +14977,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_
         return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
         HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else if (fits && count >= HYI_LIST_LEAST) {
+    } else if (fits) {
         return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
     } else {
         return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
@@ -15046,7 +15043,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    if ((size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -16074,8 +16071,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_put_word)(hyi_lane_words *words, HYI_MW whe
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_expect_all)(hyi_packet *packet, uint32_t leaf, uint32_t triangle, const HYI_I(hyi_verdict_all) *verdict, uint32_t mask) {
     HYI_FW least_t = HYI_LOADW(packet->least_t), most = verdict->most;
     HYI_MW nearer = HYI_ANDW(verdict->certain, HYI_LTW(most, least_t));
-    HYI_FW far = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
-    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, far, HYI_LOADW(packet->t_far)));
+    HYI_FW limit = HYI_ADDW(most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(most)));
+    HYI_STOREW(packet->t_far, HYI_CHOOSEW(nearer, limit, HYI_LOADW(packet->t_far)));
     HYI_STOREW(packet->least_t, HYI_CHOOSEW(nearer, verdict->least, least_t));
     HYI_I(hyi_put_word)(&packet->leaf, nearer, leaf);
     HYI_I(hyi_put_word)(&packet->triangle, nearer, triangle);
@@ -16701,13 +16698,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], mask = 0, hits = 0;
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], hits = 0;
     float nearest[HYI_WIDTH];
     HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        mask |= (dealt[c] ? 1u : 0u) << c;
-        nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by the bounds of a packet, but by none of its rays */
-    }
+    for (uint32_t c = 0; packets && c < HYI_WIDTH; c++) nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by bounds, but by no ray */
+    uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
     if (swarm->site.bvh->rows)
         for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
     HYI_I(hyi_order_children)(nearest, order);
@@ -16790,8 +16785,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint3
     for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
 }
 
-/* Sends a list through the child at; space: free memory for lists. Where that is short, or the list is, rays go one by
-   one. Packets are only in trees of triangles. */
+/* Sends a list through the child at; space: free memory for lists. Where that is short, rays go one by one.
+   Packets are only in trees of triangles. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
@@ -16802,7 +16797,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_
         return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
     } else if (leaf && fits) {
         HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else if (fits && count >= HYI_LIST_LEAST) {
+    } else if (fits) {
         return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
     } else {
         return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
@@ -16868,7 +16863,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if (count < HYI_LIST_LEAST || (size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    if ((size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
