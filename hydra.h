@@ -9715,7 +9715,18 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
     return found;
 }
 
-/* One ray through a tree of triangles, from child at on. */
+/* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
+   most of those are hit. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
+        else (void)hyi_decide(site, flight, leaf, lane);
+    }
+}
+
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -9731,14 +9742,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             at = node->child[first];
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
         }
-        if (at != HYI_CHILD_NONE) {
-            if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
+        if (at != HYI_CHILD_NONE && any) {
+            if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
+        } else if (at != HYI_CHILD_NONE) {
+            HYI_I(hyi_decide_leaf)(site, flight, at);
         }
         do {
-            if (top == stack) {
-                hyi_settle(site, flight);
-                return;
-            }
+            if (top == stack) return;
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
@@ -10347,7 +10357,18 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
     return found;
 }
 
-/* One ray through a tree of triangles, from child at on. */
+/* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
+   most of those are hit. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
+        else (void)hyi_decide(site, flight, leaf, lane);
+    }
+}
+
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -10363,14 +10384,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             at = node->child[first];
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
         }
-        if (at != HYI_CHILD_NONE) {
-            if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
+        if (at != HYI_CHILD_NONE && any) {
+            if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
+        } else if (at != HYI_CHILD_NONE) {
+            HYI_I(hyi_decide_leaf)(site, flight, at);
         }
         do {
-            if (top == stack) {
-                hyi_settle(site, flight);
-                return;
-            }
+            if (top == stack) return;
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
@@ -12047,7 +12067,18 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
     return found;
 }
 
-/* One ray through a tree of triangles, from child at on. */
+/* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
+   most of those are hit. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
+        else (void)hyi_decide(site, flight, leaf, lane);
+    }
+}
+
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -12063,14 +12094,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             at = node->child[first];
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
         }
-        if (at != HYI_CHILD_NONE) {
-            if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
+        if (at != HYI_CHILD_NONE && any) {
+            if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
+        } else if (at != HYI_CHILD_NONE) {
+            HYI_I(hyi_decide_leaf)(site, flight, at);
         }
         do {
-            if (top == stack) {
-                hyi_settle(site, flight);
-                return;
-            }
+            if (top == stack) return;
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
@@ -13866,7 +13896,18 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
     return found;
 }
 
-/* One ray through a tree of triangles, from child at on. */
+/* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
+   most of those are hit. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
+        else (void)hyi_decide(site, flight, leaf, lane);
+    }
+}
+
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -13882,14 +13923,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             at = node->child[first];
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
         }
-        if (at != HYI_CHILD_NONE) {
-            if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
+        if (at != HYI_CHILD_NONE && any) {
+            if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
+        } else if (at != HYI_CHILD_NONE) {
+            HYI_I(hyi_decide_leaf)(site, flight, at);
         }
         do {
-            if (top == stack) {
-                hyi_settle(site, flight);
-                return;
-            }
+            if (top == stack) return;
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
@@ -15686,7 +15726,18 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
     return found;
 }
 
-/* One ray through a tree of triangles, from child at on. */
+/* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
+   most of those are hit. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
+        else (void)hyi_decide(site, flight, leaf, lane);
+    }
+}
+
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -15702,14 +15753,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             at = node->child[first];
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
         }
-        if (at != HYI_CHILD_NONE) {
-            if (HYI_I(hyi_offer_leaf)(site, flight, at, any) && any) return;
+        if (at != HYI_CHILD_NONE && any) {
+            if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
+        } else if (at != HYI_CHILD_NONE) {
+            HYI_I(hyi_decide_leaf)(site, flight, at);
         }
         do {
-            if (top == stack) {
-                hyi_settle(site, flight);
-                return;
-            }
+            if (top == stack) return;
             top--;
         } while (top->t > flight->aim.t_far);
         at = top->child;
