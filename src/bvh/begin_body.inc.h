@@ -1,5 +1,44 @@
 /* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
 
+/* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
+    float low[3], high[3], extent = 0.0f, z = 0.0f;
+    uint32_t axis = packet->group >> 3;
+    packet->spread = 0;
+    for (int a = 0; a < 2; a++) {
+        HYI_FW shear = HYI_LOADW(packet->shear[a]);
+        packet->shear_low[a] = HYI_LEASTW(shear);
+        packet->shear_high[a] = HYI_GREATESTW(shear);
+        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
+    }
+    for (int a = 0; a < 3; a++) {
+        low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
+        high[a] = HYI_GREATESTW(HYI_LOADW(o[a]));
+        extent = box->upper[a] - box->lower[a] > extent ? box->upper[a] - box->lower[a] : extent;
+    }
+    float below = hyi_reach(box, low[axis], (int)axis, false), above = hyi_reach(box, high[axis], (int)axis, false);
+    z = below > above ? below : above;
+    for (int a = 0; a < 3; a++) {
+        if (!(high[a] - low[a] <= HYI_PACKET_ORIGINS * extent)) return false;
+        if (high[a] > low[a]) packet->spread = 1;
+        float from_low = hyi_reach(box, low[a], a, false), from_high = hyi_reach(box, high[a], a, false);
+        float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
+        float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
+        bool falls = (packet->group >> a & 1u) != 0u;
+        packet->bound[a] = bound;
+        packet->near_origin[a] = falls ? low[a] - bound : high[a] + bound;
+        packet->far_origin[a] = falls ? high[a] + bound : low[a] - bound;
+        HYI_STOREW(packet->inverse[a == (int)axis ? 2 : (a + 3 - (int)axis) % 3 - 1], HYI_LOADW(inverse[a]));
+        packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
+        packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
+    }
+    HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
+    packet->waiting = 0;
+    packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
+    packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+    return true;
+}
+
 typedef struct HYI_I(hyi_block) {
     HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
     HYI_FW t_min, t_limit;
@@ -155,6 +194,36 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const H
     if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
     *made += here;
     return rest;
+}
+
+/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
+        const hyi_aim *aim = &flight->aim;
+        if (aim->unit != 1.0) return false;
+        for (int a = 0; a < 3; a++) {
+            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
+            packet->direction[a][i] = aim->direction[a];
+            inverse[a][i] = aim->inverse[a];
+        }
+        packet->shear[0][i] = aim->shear[0];
+        packet->shear[1][i] = aim->shear[1];
+        packet->inverse_z[i] = aim->inverse_z;
+        packet->t_by_z[i] = aim->t_by_z;
+        packet->t_min[i] = flight->t_min;
+        packet->t_near[i] = aim->t_near;
+        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
+        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
+        packet->instance[i] = flight->best.instance;
+        packet->primitive[i] = flight->best.primitive;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
+        packet->ray[i] = rays[i < count ? i : 0u];
+    }
+    packet->live = (1u << count) - 1u;
+    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
 }
 
 /* ---- flights */

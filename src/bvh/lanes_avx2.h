@@ -238,6 +238,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #include "walk_body.inc.h"
 #include "packet_body.inc.h"
 #include "begin_body.inc.h"
+#include "unpack_body.inc.h"
 #include "stream_body.inc.h"
 #include "lanes_end.inc.h"
 

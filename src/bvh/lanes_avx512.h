@@ -190,6 +190,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #include "walk_body.inc.h"
 #include "packet_body.inc.h"
 #include "begin_body.inc.h"
+#include "unpack_body.inc.h"
 #include "stream_body.inc.h"
 #include "lanes_end.inc.h"
 

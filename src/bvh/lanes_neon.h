@@ -87,6 +87,7 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #include "walk_body.inc.h"
 #include "packet_body.inc.h"
 #include "begin_body.inc.h"
+#include "unpack_body.inc.h"
 #include "stream_body.inc.h"
 #include "lanes_end.inc.h"
 
