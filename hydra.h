@@ -10836,83 +10836,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, 
     if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
     else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
 }
-
-/* ---- working out what was found */
-
-/* The triangles that a packet found, and who found each. */
-typedef struct HYI_I(hyi_finds) {
-    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
-    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
-    uint32_t count;
-    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
-} HYI_I(hyi_finds);
-
-/* Rays of a packet find few triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
-    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
-    finds->count = 0;
-    while (left) {
-        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        finds->lanes[k] = HYI_BITSW(same);
-        finds->leaf[k] = packet->leaf.word[lane];
-        finds->triangle[k] = packet->triangle.word[lane];
-        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
-        left &= ~finds->lanes[k];
-    }
-}
-
-/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
-                                                   const uint32_t axis[3], HYI_FW rows[9]) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
-    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
-    for (uint32_t f = 0; f < finds->count; f++) {
-        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
-        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
-    }
-}
-
-/* The planes of as many triangles as there are lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
-    HYI_FD e[3], f[3];
-    for (int i = 0; i < 3; i++) {
-        plane->corner[i] = HYI_HALFD(rows[i], half);
-        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
-        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
-    }
-    for (int i = 0; i < 3; i++) {
-        int j = (i + 1) % 3, k = (i + 2) % 3;
-        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
-    }
-    plane->z[0] = HYI_HALFD(rows[5], half);
-    plane->z[1] = HYI_HALFD(rows[8], half);
-}
-
-/* Works out all hits of a packet. */
-HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW rows[9];
-    HYI_I(hyi_corner_all) corners[3];
-    uint32_t axis[3];
-    hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_count_finds)(swarm, packet, finds);
-    if (finds->count == 0) return;
-    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
-    for (int half = 0; half < 2; half++) {
-        HYI_I(hyi_plane_half) plane;
-        HYI_I(hyi_outcome_half) outcome;
-        HYI_I(hyi_planes_half)(rows, half, &plane);
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
-        HYI_STOREH(finds->t, half, outcome.t);
-        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
-    }
-}
-
-/* ---- making packets */
+/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
 
 /* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
@@ -10952,115 +10876,6 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
 }
-
-HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
-    for (uint32_t left = packet->live; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left);
-        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
-    }
-}
-
-HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = packet->live;
-    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
-    for (; left; left &= left - 1u) {
-        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
-        if (answers->told) hyi_tell_miss(&answers->told[ray]);
-        else hyi_answer_miss(&answers->hits[ray]);
-    }
-}
-
-/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
-    const hyi_accel *accel = swarm->site.accel;
-    hyk_hit hit;
-    hydra_hit told;
-    hit.t = hit.u = hit.v = 0.0f;
-    hit.instance = swarm->site.instance;
-    hit.primitive = finds->primitive[f];
-    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
-    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
-    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
-        hit.t = finds->t[lane];
-        hit.u = finds->u[lane];
-        hit.v = finds->v[lane];
-        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
-        else answers->hits[ray] = hit;
-    }
-}
-
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
-    hyi_answers to = *answers;
-    HYI_I(hyi_finds) finds;
-    HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
-    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
-}
-
-/* Answers the rays of count packets. */
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
-    for (uint32_t i = 0; i < count; i++) {
-        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
-        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
-        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
-    }
-}
-
-/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
-        const hyi_aim *aim = &flight->aim;
-        if (aim->unit != 1.0) return false;
-        for (int a = 0; a < 3; a++) {
-            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
-            packet->direction[a][i] = aim->direction[a];
-            inverse[a][i] = aim->inverse[a];
-        }
-        packet->shear[0][i] = aim->shear[0];
-        packet->shear[1][i] = aim->shear[1];
-        packet->inverse_z[i] = aim->inverse_z;
-        packet->t_by_z[i] = aim->t_by_z;
-        packet->t_min[i] = flight->t_min;
-        packet->t_near[i] = aim->t_near;
-        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
-        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
-        packet->instance[i] = flight->best.instance;
-        packet->primitive[i] = flight->best.primitive;
-        packet->leaf.word[i] = packet->triangle.word[i] = 0;
-        packet->ray[i] = rays[i < count ? i : 0u];
-    }
-    packet->live = (1u << count) - 1u;
-    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
-    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
-}
-
-/* Hits that are not the packet's own are the flights' already. */
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
-    HYI_I(hyi_finds) finds;
-    for (uint32_t left = packet->live; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left);
-        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
-    }
-    if (swarm->any) return;
-    HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) {
-        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
-            uint32_t lane = hyi_lowest_bit(left);
-            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
-            flight->best.t = finds.t[lane];
-            flight->best.u = finds.u[lane];
-            flight->best.v = finds.v[lane];
-            flight->best.instance = swarm->site.instance;
-            flight->best.primitive = finds.primitive[f];
-            flight->leaf = finds.leaf[f];
-            flight->lane = finds.triangle[f];
-        }
-    }
-}
-/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
 
 typedef struct HYI_I(hyi_block) {
     HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
@@ -11219,6 +11034,36 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const H
     return rest;
 }
 
+/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
+        const hyi_aim *aim = &flight->aim;
+        if (aim->unit != 1.0) return false;
+        for (int a = 0; a < 3; a++) {
+            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
+            packet->direction[a][i] = aim->direction[a];
+            inverse[a][i] = aim->inverse[a];
+        }
+        packet->shear[0][i] = aim->shear[0];
+        packet->shear[1][i] = aim->shear[1];
+        packet->inverse_z[i] = aim->inverse_z;
+        packet->t_by_z[i] = aim->t_by_z;
+        packet->t_min[i] = flight->t_min;
+        packet->t_near[i] = aim->t_near;
+        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
+        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
+        packet->instance[i] = flight->best.instance;
+        packet->primitive[i] = flight->best.primitive;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
+        packet->ray[i] = rays[i < count ? i : 0u];
+    }
+    packet->live = (1u << count) - 1u;
+    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
 /* ---- flights */
 
 /* hyi_reach for all lanes. */
@@ -11307,6 +11152,160 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
         if (rest == 0) continue;
         HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
+    }
+}
+/* ---- what packets found, worked out for all lanes at once, and told (expanded once for each instruction set) */
+
+/* The triangles that a packet found, and who found each. */
+typedef struct HYI_I(hyi_finds) {
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t count;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
+} HYI_I(hyi_finds);
+
+/* Rays of a packet find few triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
+    finds->count = 0;
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = packet->leaf.word[lane];
+        finds->triangle[k] = packet->triangle.word[lane];
+        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
+        left &= ~finds->lanes[k];
+    }
+}
+
+/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                   const uint32_t axis[3], HYI_FW rows[9]) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (uint32_t f = 0; f < finds->count; f++) {
+        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
+        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+    }
+}
+
+/* The planes of as many triangles as there are lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+    HYI_FD e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        plane->corner[i] = HYI_HALFD(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
+    }
+    plane->z[0] = HYI_HALFD(rows[5], half);
+    plane->z[1] = HYI_HALFD(rows[8], half);
+}
+
+/* Works out all hits of a packet. */
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    uint32_t axis[3];
+    hyi_group_axes(packet->group, axis);
+    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    if (finds->count == 0) return;
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(rows, half, &plane);
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(finds->t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
+    }
+}
+
+/* ---- answers */
+
+HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
+    }
+}
+
+HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
+    uint32_t left = packet->live;
+    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
+    for (; left; left &= left - 1u) {
+        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
+        if (answers->told) hyi_tell_miss(&answers->told[ray]);
+        else hyi_answer_miss(&answers->hits[ray]);
+    }
+}
+
+/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+    const hyi_accel *accel = swarm->site.accel;
+    hyk_hit hit;
+    hydra_hit told;
+    hit.t = hit.u = hit.v = 0.0f;
+    hit.instance = swarm->site.instance;
+    hit.primitive = finds->primitive[f];
+    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
+    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
+    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
+        hit.t = finds->t[lane];
+        hit.u = finds->u[lane];
+        hit.v = finds->v[lane];
+        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
+        else answers->hits[ray] = hit;
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
+    hyi_answers to = *answers;
+    HYI_I(hyi_finds) finds;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
+    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
+}
+
+/* Answers the rays of count packets. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
+        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
+        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
+    }
+}
+
+/* Hits that are not the packet's own are the flights' already. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    HYI_I(hyi_finds) finds;
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
+    }
+    if (swarm->any) return;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) {
+        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
+            uint32_t lane = hyi_lowest_bit(left);
+            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
+            flight->best.t = finds.t[lane];
+            flight->best.u = finds.u[lane];
+            flight->best.v = finds.v[lane];
+            flight->best.instance = swarm->site.instance;
+            flight->best.primitive = finds.primitive[f];
+            flight->leaf = finds.leaf[f];
+            flight->lane = finds.triangle[f];
+        }
     }
 }
 /* ---- many rays (expanded once for each instruction set)
@@ -12546,83 +12545,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, 
     if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
     else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
 }
-
-/* ---- working out what was found */
-
-/* The triangles that a packet found, and who found each. */
-typedef struct HYI_I(hyi_finds) {
-    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
-    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
-    uint32_t count;
-    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
-} HYI_I(hyi_finds);
-
-/* Rays of a packet find few triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
-    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
-    finds->count = 0;
-    while (left) {
-        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        finds->lanes[k] = HYI_BITSW(same);
-        finds->leaf[k] = packet->leaf.word[lane];
-        finds->triangle[k] = packet->triangle.word[lane];
-        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
-        left &= ~finds->lanes[k];
-    }
-}
-
-/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
-                                                   const uint32_t axis[3], HYI_FW rows[9]) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
-    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
-    for (uint32_t f = 0; f < finds->count; f++) {
-        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
-        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
-    }
-}
-
-/* The planes of as many triangles as there are lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
-    HYI_FD e[3], f[3];
-    for (int i = 0; i < 3; i++) {
-        plane->corner[i] = HYI_HALFD(rows[i], half);
-        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
-        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
-    }
-    for (int i = 0; i < 3; i++) {
-        int j = (i + 1) % 3, k = (i + 2) % 3;
-        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
-    }
-    plane->z[0] = HYI_HALFD(rows[5], half);
-    plane->z[1] = HYI_HALFD(rows[8], half);
-}
-
-/* Works out all hits of a packet. */
-HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW rows[9];
-    HYI_I(hyi_corner_all) corners[3];
-    uint32_t axis[3];
-    hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_count_finds)(swarm, packet, finds);
-    if (finds->count == 0) return;
-    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
-    for (int half = 0; half < 2; half++) {
-        HYI_I(hyi_plane_half) plane;
-        HYI_I(hyi_outcome_half) outcome;
-        HYI_I(hyi_planes_half)(rows, half, &plane);
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
-        HYI_STOREH(finds->t, half, outcome.t);
-        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
-    }
-}
-
-/* ---- making packets */
+/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
 
 /* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
@@ -12662,115 +12585,6 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
 }
-
-HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
-    for (uint32_t left = packet->live; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left);
-        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
-    }
-}
-
-HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = packet->live;
-    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
-    for (; left; left &= left - 1u) {
-        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
-        if (answers->told) hyi_tell_miss(&answers->told[ray]);
-        else hyi_answer_miss(&answers->hits[ray]);
-    }
-}
-
-/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
-    const hyi_accel *accel = swarm->site.accel;
-    hyk_hit hit;
-    hydra_hit told;
-    hit.t = hit.u = hit.v = 0.0f;
-    hit.instance = swarm->site.instance;
-    hit.primitive = finds->primitive[f];
-    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
-    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
-    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
-        hit.t = finds->t[lane];
-        hit.u = finds->u[lane];
-        hit.v = finds->v[lane];
-        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
-        else answers->hits[ray] = hit;
-    }
-}
-
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
-    hyi_answers to = *answers;
-    HYI_I(hyi_finds) finds;
-    HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
-    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
-}
-
-/* Answers the rays of count packets. */
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
-    for (uint32_t i = 0; i < count; i++) {
-        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
-        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
-        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
-    }
-}
-
-/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
-        const hyi_aim *aim = &flight->aim;
-        if (aim->unit != 1.0) return false;
-        for (int a = 0; a < 3; a++) {
-            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
-            packet->direction[a][i] = aim->direction[a];
-            inverse[a][i] = aim->inverse[a];
-        }
-        packet->shear[0][i] = aim->shear[0];
-        packet->shear[1][i] = aim->shear[1];
-        packet->inverse_z[i] = aim->inverse_z;
-        packet->t_by_z[i] = aim->t_by_z;
-        packet->t_min[i] = flight->t_min;
-        packet->t_near[i] = aim->t_near;
-        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
-        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
-        packet->instance[i] = flight->best.instance;
-        packet->primitive[i] = flight->best.primitive;
-        packet->leaf.word[i] = packet->triangle.word[i] = 0;
-        packet->ray[i] = rays[i < count ? i : 0u];
-    }
-    packet->live = (1u << count) - 1u;
-    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
-    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
-}
-
-/* Hits that are not the packet's own are the flights' already. */
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
-    HYI_I(hyi_finds) finds;
-    for (uint32_t left = packet->live; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left);
-        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
-    }
-    if (swarm->any) return;
-    HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) {
-        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
-            uint32_t lane = hyi_lowest_bit(left);
-            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
-            flight->best.t = finds.t[lane];
-            flight->best.u = finds.u[lane];
-            flight->best.v = finds.v[lane];
-            flight->best.instance = swarm->site.instance;
-            flight->best.primitive = finds.primitive[f];
-            flight->leaf = finds.leaf[f];
-            flight->lane = finds.triangle[f];
-        }
-    }
-}
-/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
 
 typedef struct HYI_I(hyi_block) {
     HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
@@ -12929,6 +12743,36 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const H
     return rest;
 }
 
+/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
+        const hyi_aim *aim = &flight->aim;
+        if (aim->unit != 1.0) return false;
+        for (int a = 0; a < 3; a++) {
+            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
+            packet->direction[a][i] = aim->direction[a];
+            inverse[a][i] = aim->inverse[a];
+        }
+        packet->shear[0][i] = aim->shear[0];
+        packet->shear[1][i] = aim->shear[1];
+        packet->inverse_z[i] = aim->inverse_z;
+        packet->t_by_z[i] = aim->t_by_z;
+        packet->t_min[i] = flight->t_min;
+        packet->t_near[i] = aim->t_near;
+        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
+        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
+        packet->instance[i] = flight->best.instance;
+        packet->primitive[i] = flight->best.primitive;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
+        packet->ray[i] = rays[i < count ? i : 0u];
+    }
+    packet->live = (1u << count) - 1u;
+    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
 /* ---- flights */
 
 /* hyi_reach for all lanes. */
@@ -13017,6 +12861,160 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
         if (rest == 0) continue;
         HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
+    }
+}
+/* ---- what packets found, worked out for all lanes at once, and told (expanded once for each instruction set) */
+
+/* The triangles that a packet found, and who found each. */
+typedef struct HYI_I(hyi_finds) {
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t count;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
+} HYI_I(hyi_finds);
+
+/* Rays of a packet find few triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
+    finds->count = 0;
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = packet->leaf.word[lane];
+        finds->triangle[k] = packet->triangle.word[lane];
+        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
+        left &= ~finds->lanes[k];
+    }
+}
+
+/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                   const uint32_t axis[3], HYI_FW rows[9]) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (uint32_t f = 0; f < finds->count; f++) {
+        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
+        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+    }
+}
+
+/* The planes of as many triangles as there are lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+    HYI_FD e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        plane->corner[i] = HYI_HALFD(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
+    }
+    plane->z[0] = HYI_HALFD(rows[5], half);
+    plane->z[1] = HYI_HALFD(rows[8], half);
+}
+
+/* Works out all hits of a packet. */
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    uint32_t axis[3];
+    hyi_group_axes(packet->group, axis);
+    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    if (finds->count == 0) return;
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(rows, half, &plane);
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(finds->t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
+    }
+}
+
+/* ---- answers */
+
+HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
+    }
+}
+
+HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
+    uint32_t left = packet->live;
+    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
+    for (; left; left &= left - 1u) {
+        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
+        if (answers->told) hyi_tell_miss(&answers->told[ray]);
+        else hyi_answer_miss(&answers->hits[ray]);
+    }
+}
+
+/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+    const hyi_accel *accel = swarm->site.accel;
+    hyk_hit hit;
+    hydra_hit told;
+    hit.t = hit.u = hit.v = 0.0f;
+    hit.instance = swarm->site.instance;
+    hit.primitive = finds->primitive[f];
+    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
+    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
+    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
+        hit.t = finds->t[lane];
+        hit.u = finds->u[lane];
+        hit.v = finds->v[lane];
+        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
+        else answers->hits[ray] = hit;
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
+    hyi_answers to = *answers;
+    HYI_I(hyi_finds) finds;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
+    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
+}
+
+/* Answers the rays of count packets. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
+        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
+        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
+    }
+}
+
+/* Hits that are not the packet's own are the flights' already. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    HYI_I(hyi_finds) finds;
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
+    }
+    if (swarm->any) return;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) {
+        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
+            uint32_t lane = hyi_lowest_bit(left);
+            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
+            flight->best.t = finds.t[lane];
+            flight->best.u = finds.u[lane];
+            flight->best.v = finds.v[lane];
+            flight->best.instance = swarm->site.instance;
+            flight->best.primitive = finds.primitive[f];
+            flight->leaf = finds.leaf[f];
+            flight->lane = finds.triangle[f];
+        }
     }
 }
 /* ---- many rays (expanded once for each instruction set)
@@ -14375,83 +14373,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, 
     if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
     else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
 }
-
-/* ---- working out what was found */
-
-/* The triangles that a packet found, and who found each. */
-typedef struct HYI_I(hyi_finds) {
-    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
-    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
-    uint32_t count;
-    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
-} HYI_I(hyi_finds);
-
-/* Rays of a packet find few triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
-    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
-    finds->count = 0;
-    while (left) {
-        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        finds->lanes[k] = HYI_BITSW(same);
-        finds->leaf[k] = packet->leaf.word[lane];
-        finds->triangle[k] = packet->triangle.word[lane];
-        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
-        left &= ~finds->lanes[k];
-    }
-}
-
-/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
-                                                   const uint32_t axis[3], HYI_FW rows[9]) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
-    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
-    for (uint32_t f = 0; f < finds->count; f++) {
-        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
-        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
-    }
-}
-
-/* The planes of as many triangles as there are lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
-    HYI_FD e[3], f[3];
-    for (int i = 0; i < 3; i++) {
-        plane->corner[i] = HYI_HALFD(rows[i], half);
-        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
-        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
-    }
-    for (int i = 0; i < 3; i++) {
-        int j = (i + 1) % 3, k = (i + 2) % 3;
-        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
-    }
-    plane->z[0] = HYI_HALFD(rows[5], half);
-    plane->z[1] = HYI_HALFD(rows[8], half);
-}
-
-/* Works out all hits of a packet. */
-HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW rows[9];
-    HYI_I(hyi_corner_all) corners[3];
-    uint32_t axis[3];
-    hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_count_finds)(swarm, packet, finds);
-    if (finds->count == 0) return;
-    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
-    for (int half = 0; half < 2; half++) {
-        HYI_I(hyi_plane_half) plane;
-        HYI_I(hyi_outcome_half) outcome;
-        HYI_I(hyi_planes_half)(rows, half, &plane);
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
-        HYI_STOREH(finds->t, half, outcome.t);
-        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
-    }
-}
-
-/* ---- making packets */
+/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
 
 /* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
@@ -14491,115 +14413,6 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
 }
-
-HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
-    for (uint32_t left = packet->live; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left);
-        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
-    }
-}
-
-HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = packet->live;
-    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
-    for (; left; left &= left - 1u) {
-        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
-        if (answers->told) hyi_tell_miss(&answers->told[ray]);
-        else hyi_answer_miss(&answers->hits[ray]);
-    }
-}
-
-/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
-    const hyi_accel *accel = swarm->site.accel;
-    hyk_hit hit;
-    hydra_hit told;
-    hit.t = hit.u = hit.v = 0.0f;
-    hit.instance = swarm->site.instance;
-    hit.primitive = finds->primitive[f];
-    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
-    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
-    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
-        hit.t = finds->t[lane];
-        hit.u = finds->u[lane];
-        hit.v = finds->v[lane];
-        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
-        else answers->hits[ray] = hit;
-    }
-}
-
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
-    hyi_answers to = *answers;
-    HYI_I(hyi_finds) finds;
-    HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
-    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
-}
-
-/* Answers the rays of count packets. */
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
-    for (uint32_t i = 0; i < count; i++) {
-        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
-        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
-        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
-    }
-}
-
-/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
-        const hyi_aim *aim = &flight->aim;
-        if (aim->unit != 1.0) return false;
-        for (int a = 0; a < 3; a++) {
-            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
-            packet->direction[a][i] = aim->direction[a];
-            inverse[a][i] = aim->inverse[a];
-        }
-        packet->shear[0][i] = aim->shear[0];
-        packet->shear[1][i] = aim->shear[1];
-        packet->inverse_z[i] = aim->inverse_z;
-        packet->t_by_z[i] = aim->t_by_z;
-        packet->t_min[i] = flight->t_min;
-        packet->t_near[i] = aim->t_near;
-        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
-        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
-        packet->instance[i] = flight->best.instance;
-        packet->primitive[i] = flight->best.primitive;
-        packet->leaf.word[i] = packet->triangle.word[i] = 0;
-        packet->ray[i] = rays[i < count ? i : 0u];
-    }
-    packet->live = (1u << count) - 1u;
-    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
-    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
-}
-
-/* Hits that are not the packet's own are the flights' already. */
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
-    HYI_I(hyi_finds) finds;
-    for (uint32_t left = packet->live; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left);
-        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
-    }
-    if (swarm->any) return;
-    HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) {
-        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
-            uint32_t lane = hyi_lowest_bit(left);
-            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
-            flight->best.t = finds.t[lane];
-            flight->best.u = finds.u[lane];
-            flight->best.v = finds.v[lane];
-            flight->best.instance = swarm->site.instance;
-            flight->best.primitive = finds.primitive[f];
-            flight->leaf = finds.leaf[f];
-            flight->lane = finds.triangle[f];
-        }
-    }
-}
-/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
 
 typedef struct HYI_I(hyi_block) {
     HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
@@ -14758,6 +14571,36 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const H
     return rest;
 }
 
+/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
+        const hyi_aim *aim = &flight->aim;
+        if (aim->unit != 1.0) return false;
+        for (int a = 0; a < 3; a++) {
+            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
+            packet->direction[a][i] = aim->direction[a];
+            inverse[a][i] = aim->inverse[a];
+        }
+        packet->shear[0][i] = aim->shear[0];
+        packet->shear[1][i] = aim->shear[1];
+        packet->inverse_z[i] = aim->inverse_z;
+        packet->t_by_z[i] = aim->t_by_z;
+        packet->t_min[i] = flight->t_min;
+        packet->t_near[i] = aim->t_near;
+        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
+        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
+        packet->instance[i] = flight->best.instance;
+        packet->primitive[i] = flight->best.primitive;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
+        packet->ray[i] = rays[i < count ? i : 0u];
+    }
+    packet->live = (1u << count) - 1u;
+    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
 /* ---- flights */
 
 /* hyi_reach for all lanes. */
@@ -14846,6 +14689,160 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
         if (rest == 0) continue;
         HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
+    }
+}
+/* ---- what packets found, worked out for all lanes at once, and told (expanded once for each instruction set) */
+
+/* The triangles that a packet found, and who found each. */
+typedef struct HYI_I(hyi_finds) {
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t count;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
+} HYI_I(hyi_finds);
+
+/* Rays of a packet find few triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
+    finds->count = 0;
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = packet->leaf.word[lane];
+        finds->triangle[k] = packet->triangle.word[lane];
+        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
+        left &= ~finds->lanes[k];
+    }
+}
+
+/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                   const uint32_t axis[3], HYI_FW rows[9]) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (uint32_t f = 0; f < finds->count; f++) {
+        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
+        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+    }
+}
+
+/* The planes of as many triangles as there are lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+    HYI_FD e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        plane->corner[i] = HYI_HALFD(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
+    }
+    plane->z[0] = HYI_HALFD(rows[5], half);
+    plane->z[1] = HYI_HALFD(rows[8], half);
+}
+
+/* Works out all hits of a packet. */
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    uint32_t axis[3];
+    hyi_group_axes(packet->group, axis);
+    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    if (finds->count == 0) return;
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(rows, half, &plane);
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(finds->t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
+    }
+}
+
+/* ---- answers */
+
+HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
+    }
+}
+
+HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
+    uint32_t left = packet->live;
+    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
+    for (; left; left &= left - 1u) {
+        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
+        if (answers->told) hyi_tell_miss(&answers->told[ray]);
+        else hyi_answer_miss(&answers->hits[ray]);
+    }
+}
+
+/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+    const hyi_accel *accel = swarm->site.accel;
+    hyk_hit hit;
+    hydra_hit told;
+    hit.t = hit.u = hit.v = 0.0f;
+    hit.instance = swarm->site.instance;
+    hit.primitive = finds->primitive[f];
+    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
+    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
+    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
+        hit.t = finds->t[lane];
+        hit.u = finds->u[lane];
+        hit.v = finds->v[lane];
+        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
+        else answers->hits[ray] = hit;
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
+    hyi_answers to = *answers;
+    HYI_I(hyi_finds) finds;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
+    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
+}
+
+/* Answers the rays of count packets. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
+        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
+        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
+    }
+}
+
+/* Hits that are not the packet's own are the flights' already. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    HYI_I(hyi_finds) finds;
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
+    }
+    if (swarm->any) return;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) {
+        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
+            uint32_t lane = hyi_lowest_bit(left);
+            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
+            flight->best.t = finds.t[lane];
+            flight->best.u = finds.u[lane];
+            flight->best.v = finds.v[lane];
+            flight->best.instance = swarm->site.instance;
+            flight->best.primitive = finds.primitive[f];
+            flight->leaf = finds.leaf[f];
+            flight->lane = finds.triangle[f];
+        }
     }
 }
 /* ---- many rays (expanded once for each instruction set)
@@ -16205,83 +16202,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, 
     if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
     else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
 }
-
-/* ---- working out what was found */
-
-/* The triangles that a packet found, and who found each. */
-typedef struct HYI_I(hyi_finds) {
-    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
-    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
-    uint32_t count;
-    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
-} HYI_I(hyi_finds);
-
-/* Rays of a packet find few triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
-    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
-    finds->count = 0;
-    while (left) {
-        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        finds->lanes[k] = HYI_BITSW(same);
-        finds->leaf[k] = packet->leaf.word[lane];
-        finds->triangle[k] = packet->triangle.word[lane];
-        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
-        left &= ~finds->lanes[k];
-    }
-}
-
-/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
-                                                   const uint32_t axis[3], HYI_FW rows[9]) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
-    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
-    for (uint32_t f = 0; f < finds->count; f++) {
-        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
-        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
-    }
-}
-
-/* The planes of as many triangles as there are lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
-    HYI_FD e[3], f[3];
-    for (int i = 0; i < 3; i++) {
-        plane->corner[i] = HYI_HALFD(rows[i], half);
-        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
-        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
-    }
-    for (int i = 0; i < 3; i++) {
-        int j = (i + 1) % 3, k = (i + 2) % 3;
-        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
-    }
-    plane->z[0] = HYI_HALFD(rows[5], half);
-    plane->z[1] = HYI_HALFD(rows[8], half);
-}
-
-/* Works out all hits of a packet. */
-HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW rows[9];
-    HYI_I(hyi_corner_all) corners[3];
-    uint32_t axis[3];
-    hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_count_finds)(swarm, packet, finds);
-    if (finds->count == 0) return;
-    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
-    for (int half = 0; half < 2; half++) {
-        HYI_I(hyi_plane_half) plane;
-        HYI_I(hyi_outcome_half) outcome;
-        HYI_I(hyi_planes_half)(rows, half, &plane);
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
-        HYI_STOREH(finds->t, half, outcome.t);
-        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
-    }
-}
-
-/* ---- making packets */
+/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
 
 /* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
@@ -16321,115 +16242,6 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
 }
-
-HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
-    for (uint32_t left = packet->live; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left);
-        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
-    }
-}
-
-HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = packet->live;
-    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
-    for (; left; left &= left - 1u) {
-        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
-        if (answers->told) hyi_tell_miss(&answers->told[ray]);
-        else hyi_answer_miss(&answers->hits[ray]);
-    }
-}
-
-/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
-    const hyi_accel *accel = swarm->site.accel;
-    hyk_hit hit;
-    hydra_hit told;
-    hit.t = hit.u = hit.v = 0.0f;
-    hit.instance = swarm->site.instance;
-    hit.primitive = finds->primitive[f];
-    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
-    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
-    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
-        hit.t = finds->t[lane];
-        hit.u = finds->u[lane];
-        hit.v = finds->v[lane];
-        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
-        else answers->hits[ray] = hit;
-    }
-}
-
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
-    hyi_answers to = *answers;
-    HYI_I(hyi_finds) finds;
-    HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
-    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
-}
-
-/* Answers the rays of count packets. */
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
-    for (uint32_t i = 0; i < count; i++) {
-        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
-        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
-        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
-    }
-}
-
-/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
-    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
-    for (uint32_t i = 0; i < HYI_LANES; i++) {
-        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
-        const hyi_aim *aim = &flight->aim;
-        if (aim->unit != 1.0) return false;
-        for (int a = 0; a < 3; a++) {
-            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
-            packet->direction[a][i] = aim->direction[a];
-            inverse[a][i] = aim->inverse[a];
-        }
-        packet->shear[0][i] = aim->shear[0];
-        packet->shear[1][i] = aim->shear[1];
-        packet->inverse_z[i] = aim->inverse_z;
-        packet->t_by_z[i] = aim->t_by_z;
-        packet->t_min[i] = flight->t_min;
-        packet->t_near[i] = aim->t_near;
-        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
-        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
-        packet->instance[i] = flight->best.instance;
-        packet->primitive[i] = flight->best.primitive;
-        packet->leaf.word[i] = packet->triangle.word[i] = 0;
-        packet->ray[i] = rays[i < count ? i : 0u];
-    }
-    packet->live = (1u << count) - 1u;
-    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
-    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
-}
-
-/* Hits that are not the packet's own are the flights' already. */
-HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
-    HYI_I(hyi_finds) finds;
-    for (uint32_t left = packet->live; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left);
-        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
-    }
-    if (swarm->any) return;
-    HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) {
-        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
-            uint32_t lane = hyi_lowest_bit(left);
-            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
-            flight->best.t = finds.t[lane];
-            flight->best.u = finds.u[lane];
-            flight->best.v = finds.v[lane];
-            flight->best.instance = swarm->site.instance;
-            flight->best.primitive = finds.primitive[f];
-            flight->leaf = finds.leaf[f];
-            flight->lane = finds.triangle[f];
-        }
-    }
-}
-/* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
 
 typedef struct HYI_I(hyi_block) {
     HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
@@ -16588,6 +16400,36 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const H
     return rest;
 }
 
+/* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_packet *packet, const uint32_t *rays, uint32_t count) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
+        const hyi_aim *aim = &flight->aim;
+        if (aim->unit != 1.0) return false;
+        for (int a = 0; a < 3; a++) {
+            o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
+            packet->direction[a][i] = aim->direction[a];
+            inverse[a][i] = aim->inverse[a];
+        }
+        packet->shear[0][i] = aim->shear[0];
+        packet->shear[1][i] = aim->shear[1];
+        packet->inverse_z[i] = aim->inverse_z;
+        packet->t_by_z[i] = aim->t_by_z;
+        packet->t_min[i] = flight->t_min;
+        packet->t_near[i] = aim->t_near;
+        packet->t_far[i] = i < count ? aim->t_far : -FLT_MAX;
+        packet->best_t[i] = i < count ? flight->best.t : -FLT_MAX;
+        packet->instance[i] = flight->best.instance;
+        packet->primitive[i] = flight->best.primitive;
+        packet->leaf.word[i] = packet->triangle.word[i] = 0;
+        packet->ray[i] = rays[i < count ? i : 0u];
+    }
+    packet->live = (1u << count) - 1u;
+    packet->group = hyi_aim_group(&swarm->flights[rays[0]].aim);
+    return HYI_I(hyi_bound_packet)(&swarm->site.bvh->scaled, packet, o, inverse);
+}
+
 /* ---- flights */
 
 /* hyi_reach for all lanes. */
@@ -16676,6 +16518,160 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
         if (rest == 0) continue;
         HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
+    }
+}
+/* ---- what packets found, worked out for all lanes at once, and told (expanded once for each instruction set) */
+
+/* The triangles that a packet found, and who found each. */
+typedef struct HYI_I(hyi_finds) {
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
+    uint32_t count;
+    float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
+} HYI_I(hyi_finds);
+
+/* Rays of a packet find few triangles. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
+    finds->count = 0;
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = packet->leaf.word[lane];
+        finds->triangle[k] = packet->triangle.word[lane];
+        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
+        left &= ~finds->lanes[k];
+    }
+}
+
+/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                   const uint32_t axis[3], HYI_FW rows[9]) {
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (uint32_t f = 0; f < finds->count; f++) {
+        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
+        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+    }
+}
+
+/* The planes of as many triangles as there are lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+    HYI_FD e[3], f[3];
+    for (int i = 0; i < 3; i++) {
+        plane->corner[i] = HYI_HALFD(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
+    }
+    plane->z[0] = HYI_HALFD(rows[5], half);
+    plane->z[1] = HYI_HALFD(rows[8], half);
+}
+
+/* Works out all hits of a packet. */
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    uint32_t axis[3];
+    hyi_group_axes(packet->group, axis);
+    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    if (finds->count == 0) return;
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(rows, half, &plane);
+        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_STOREH(finds->t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
+    }
+}
+
+/* ---- answers */
+
+HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        occluded[packet->ray[lane]] = packet->instance[lane] != HYK_NONE ? 1 : 0;
+    }
+}
+
+HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
+    uint32_t left = packet->live;
+    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
+    for (; left; left &= left - 1u) {
+        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
+        if (answers->told) hyi_tell_miss(&answers->told[ray]);
+        else hyi_answer_miss(&answers->hits[ray]);
+    }
+}
+
+/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+    const hyi_accel *accel = swarm->site.accel;
+    hyk_hit hit;
+    hydra_hit told;
+    hit.t = hit.u = hit.v = 0.0f;
+    hit.instance = swarm->site.instance;
+    hit.primitive = finds->primitive[f];
+    hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
+    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
+    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
+        hit.t = finds->t[lane];
+        hit.u = finds->u[lane];
+        hit.v = finds->v[lane];
+        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
+        else answers->hits[ray] = hit;
+    }
+}
+
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
+    hyi_answers to = *answers;
+    HYI_I(hyi_finds) finds;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
+    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
+}
+
+/* Answers the rays of count packets. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_all)(const hyi_swarm *swarm, uint32_t count, const hyi_answers *answers) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (i + 3u < count) hyi_prefetch_answers(answers, swarm->packets[i + 3u].ray[0], HYI_LANES);
+        if (swarm->any) HYI_I(hyi_unpack_occluded)(&swarm->packets[i], answers->occluded);
+        else HYI_I(hyi_unpack_rays)(swarm, &swarm->packets[i], answers);
+    }
+}
+
+/* Hits that are not the packet's own are the flights' already. */
+HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    HYI_I(hyi_finds) finds;
+    for (uint32_t left = packet->live; left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        swarm->flights[packet->ray[lane]].best.instance = packet->instance[lane];
+    }
+    if (swarm->any) return;
+    HYI_I(hyi_work_out)(swarm, packet, &finds);
+    for (uint32_t f = 0; f < finds.count; f++) {
+        for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
+            uint32_t lane = hyi_lowest_bit(left);
+            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
+            flight->best.t = finds.t[lane];
+            flight->best.u = finds.u[lane];
+            flight->best.v = finds.v[lane];
+            flight->best.instance = swarm->site.instance;
+            flight->best.primitive = finds.primitive[f];
+            flight->leaf = finds.leaf[f];
+            flight->lane = finds.triangle[f];
+        }
     }
 }
 /* ---- many rays (expanded once for each instruction set)
