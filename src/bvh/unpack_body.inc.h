@@ -97,6 +97,7 @@ HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet 
     const hyi_accel *accel = swarm->site.accel;
     hyk_hit hit;
     hydra_hit told;
+    hyi_tell_miss(&told);
     hit.t = hit.u = hit.v = 0.0f;
     hit.instance = swarm->site.instance;
     hit.primitive = finds->primitive[f];
