@@ -296,6 +296,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     }
 }
 
+/* Flights of HYI_LANES others, by their numbers, in the tree of site; false: they must enter one by one. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    hyk_ray rays[HYI_PACKET_WIDTH];
+    HYI_I(hyi_block) block;
+    hyi_packet packet;
+    for (uint32_t i = 0; i < HYI_LANES; i++) rays[i] = hyi_ray_below(&above[numbers[i]], site);
+    if (!HYI_I(hyi_load_block)(site->bvh, rays, &block)) return false;
+    HYI_I(hyi_fill_packet)(&block, &packet, o, inverse);
+    HYI_I(hyi_cut_flights)(site->bvh, &block, &packet, inverse, rays, below);
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        below[i].ray = above[numbers[i]].ray;
+        below[i].best = above[numbers[i]].best;
+    }
+    return true;
+}
+
 /* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
    are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,

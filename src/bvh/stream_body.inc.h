@@ -121,10 +121,18 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
     hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
-    uint32_t entered = 0, *from = space;
+    uint32_t entered = 0, flying = 0, *from = space;
     for (uint32_t i = 0; i < count; i++) {
-        if (swarm->flights[list[i]].aim.t_far == -FLT_MAX) continue;
-        if (hyi_flight_enter(&below[entered], &swarm->flights[list[i]], &site)) from[entered++] = list[i];
+        from[flying] = list[i];
+        flying += swarm->flights[list[i]].aim.t_far != -FLT_MAX ? 1u : 0u;
+    }
+    for (uint32_t first = 0, some; first < flying; first += some) {
+        some = flying - first < HYI_LANES ? flying - first : HYI_LANES;
+        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered]);
+        for (uint32_t i = first; i < first + some; i++) {
+            from[entered] = from[i];
+            entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
+        }
     }
     HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
     for (uint32_t i = 0; i < entered; i++) {

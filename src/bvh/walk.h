@@ -227,22 +227,28 @@ HYI_FN hyi_site hyi_site_of_item(const hyi_accel *accel, uint32_t item) {
     return site;
 }
 
-/* A ray from the tree over instances in the tree of one of them; false: it meets nothing there. The direction is not
+/* A ray from the tree over instances as the tree of one of them has it, up to the best hit so far. The direction is not
    renormalised: t means the same below. One copy for all instruction sets: it rounds. */
-HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, const hyi_site *site) {
+HYI_NOINLINE hyk_ray hyi_ray_below(const hyi_flight *above, const hyi_site *site) {
     const hyk_instance *placed = &site->accel->view->instances[site->instance];
     hyk_ray ray = hyi_load_ray(above->ray);
+    ray.t_max = above->best.t;
+    if (placed->flags & HYK_INSTANCE_IDENTITY) return ray;
+    float o[3] = {ray.origin.x, ray.origin.y, ray.origin.z}, d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
+    ray.origin.x = hyi_transform_row(placed->inverse0, placed->s0, o);
+    ray.origin.y = hyi_transform_row(placed->inverse1, placed->s1, o);
+    ray.origin.z = hyi_transform_row(placed->inverse2, placed->s2, o);
+    ray.direction.x = hyi_transform_row(placed->inverse0, 0.0f, d);
+    ray.direction.y = hyi_transform_row(placed->inverse1, 0.0f, d);
+    ray.direction.z = hyi_transform_row(placed->inverse2, 0.0f, d);
+    return ray;
+}
+
+/* Sets it on its way there; false: it meets nothing. */
+HYI_FN bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, const hyi_site *site) {
+    hyk_ray ray = hyi_ray_below(above, site);
     float origin[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
     float direction[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
-    if (!(placed->flags & HYK_INSTANCE_IDENTITY)) {
-        float o[3] = {origin[0], origin[1], origin[2]}, d[3] = {direction[0], direction[1], direction[2]};
-        origin[0] = hyi_transform_row(placed->inverse0, placed->s0, o);
-        origin[1] = hyi_transform_row(placed->inverse1, placed->s1, o);
-        origin[2] = hyi_transform_row(placed->inverse2, placed->s2, o);
-        direction[0] = hyi_transform_row(placed->inverse0, 0.0f, d);
-        direction[1] = hyi_transform_row(placed->inverse1, 0.0f, d);
-        direction[2] = hyi_transform_row(placed->inverse2, 0.0f, d);
-    }
     below->ray = above->ray;
     below->t_min = above->t_min;
     below->best = above->best;
@@ -250,7 +256,7 @@ HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, c
     below->lane = above->lane;
     below->aim.least_t = above->best.t;
     below->aim.leaf = below->aim.lane = 0;
-    return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, above->best.t, false);
+    return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, ray.t_max, false);
 }
 
 /* Takes what was found below; returns whether there was something new. */
