@@ -9108,22 +9108,28 @@ HYI_FN hyi_site hyi_site_of_item(const hyi_accel *accel, uint32_t item) {
     return site;
 }
 
-/* A ray from the tree over instances in the tree of one of them; false: it meets nothing there. The direction is not
+/* A ray from the tree over instances as the tree of one of them has it, up to the best hit so far. The direction is not
    renormalised: t means the same below. One copy for all instruction sets: it rounds. */
-HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, const hyi_site *site) {
+HYI_NOINLINE hyk_ray hyi_ray_below(const hyi_flight *above, const hyi_site *site) {
     const hyk_instance *placed = &site->accel->view->instances[site->instance];
     hyk_ray ray = hyi_load_ray(above->ray);
+    ray.t_max = above->best.t;
+    if (placed->flags & HYK_INSTANCE_IDENTITY) return ray;
+    float o[3] = {ray.origin.x, ray.origin.y, ray.origin.z}, d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
+    ray.origin.x = hyi_transform_row(placed->inverse0, placed->s0, o);
+    ray.origin.y = hyi_transform_row(placed->inverse1, placed->s1, o);
+    ray.origin.z = hyi_transform_row(placed->inverse2, placed->s2, o);
+    ray.direction.x = hyi_transform_row(placed->inverse0, 0.0f, d);
+    ray.direction.y = hyi_transform_row(placed->inverse1, 0.0f, d);
+    ray.direction.z = hyi_transform_row(placed->inverse2, 0.0f, d);
+    return ray;
+}
+
+/* Sets it on its way there; false: it meets nothing. */
+HYI_FN bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, const hyi_site *site) {
+    hyk_ray ray = hyi_ray_below(above, site);
     float origin[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
     float direction[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
-    if (!(placed->flags & HYK_INSTANCE_IDENTITY)) {
-        float o[3] = {origin[0], origin[1], origin[2]}, d[3] = {direction[0], direction[1], direction[2]};
-        origin[0] = hyi_transform_row(placed->inverse0, placed->s0, o);
-        origin[1] = hyi_transform_row(placed->inverse1, placed->s1, o);
-        origin[2] = hyi_transform_row(placed->inverse2, placed->s2, o);
-        direction[0] = hyi_transform_row(placed->inverse0, 0.0f, d);
-        direction[1] = hyi_transform_row(placed->inverse1, 0.0f, d);
-        direction[2] = hyi_transform_row(placed->inverse2, 0.0f, d);
-    }
     below->ray = above->ray;
     below->t_min = above->t_min;
     below->best = above->best;
@@ -9131,7 +9137,7 @@ HYI_NOINLINE bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, c
     below->lane = above->lane;
     below->aim.least_t = above->best.t;
     below->aim.leaf = below->aim.lane = 0;
-    return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, above->best.t, false);
+    return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, ray.t_max, false);
 }
 
 /* Takes what was found below; returns whether there was something new. */
@@ -11134,6 +11140,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     }
 }
 
+/* Flights of HYI_LANES others, by their numbers, in the tree of site; false: they must enter one by one. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    hyk_ray rays[HYI_PACKET_WIDTH];
+    HYI_I(hyi_block) block;
+    hyi_packet packet;
+    for (uint32_t i = 0; i < HYI_LANES; i++) rays[i] = hyi_ray_below(&above[numbers[i]], site);
+    if (!HYI_I(hyi_load_block)(site->bvh, rays, &block)) return false;
+    HYI_I(hyi_fill_packet)(&block, &packet, o, inverse);
+    HYI_I(hyi_cut_flights)(site->bvh, &block, &packet, inverse, rays, below);
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        below[i].ray = above[numbers[i]].ray;
+        below[i].best = above[numbers[i]].best;
+    }
+    return true;
+}
+
 /* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
    are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
@@ -11253,6 +11276,7 @@ HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet 
     const hyi_accel *accel = swarm->site.accel;
     hyk_hit hit;
     hydra_hit told;
+    hyi_tell_miss(&told);
     hit.t = hit.u = hit.v = 0.0f;
     hit.instance = swarm->site.instance;
     hit.primitive = finds->primitive[f];
@@ -11431,10 +11455,18 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
     hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
-    uint32_t entered = 0, *from = space;
+    uint32_t entered = 0, flying = 0, *from = space;
     for (uint32_t i = 0; i < count; i++) {
-        if (swarm->flights[list[i]].aim.t_far == -FLT_MAX) continue;
-        if (hyi_flight_enter(&below[entered], &swarm->flights[list[i]], &site)) from[entered++] = list[i];
+        from[flying] = list[i];
+        flying += swarm->flights[list[i]].aim.t_far != -FLT_MAX ? 1u : 0u;
+    }
+    for (uint32_t first = 0, some; first < flying; first += some) {
+        some = flying - first < HYI_LANES ? flying - first : HYI_LANES;
+        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered]);
+        for (uint32_t i = first; i < first + some; i++) {
+            from[entered] = from[i];
+            entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
+        }
     }
     HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
     for (uint32_t i = 0; i < entered; i++) {
@@ -12843,6 +12875,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     }
 }
 
+/* Flights of HYI_LANES others, by their numbers, in the tree of site; false: they must enter one by one. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    hyk_ray rays[HYI_PACKET_WIDTH];
+    HYI_I(hyi_block) block;
+    hyi_packet packet;
+    for (uint32_t i = 0; i < HYI_LANES; i++) rays[i] = hyi_ray_below(&above[numbers[i]], site);
+    if (!HYI_I(hyi_load_block)(site->bvh, rays, &block)) return false;
+    HYI_I(hyi_fill_packet)(&block, &packet, o, inverse);
+    HYI_I(hyi_cut_flights)(site->bvh, &block, &packet, inverse, rays, below);
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        below[i].ray = above[numbers[i]].ray;
+        below[i].best = above[numbers[i]].best;
+    }
+    return true;
+}
+
 /* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
    are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
@@ -12962,6 +13011,7 @@ HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet 
     const hyi_accel *accel = swarm->site.accel;
     hyk_hit hit;
     hydra_hit told;
+    hyi_tell_miss(&told);
     hit.t = hit.u = hit.v = 0.0f;
     hit.instance = swarm->site.instance;
     hit.primitive = finds->primitive[f];
@@ -13140,10 +13190,18 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
     hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
-    uint32_t entered = 0, *from = space;
+    uint32_t entered = 0, flying = 0, *from = space;
     for (uint32_t i = 0; i < count; i++) {
-        if (swarm->flights[list[i]].aim.t_far == -FLT_MAX) continue;
-        if (hyi_flight_enter(&below[entered], &swarm->flights[list[i]], &site)) from[entered++] = list[i];
+        from[flying] = list[i];
+        flying += swarm->flights[list[i]].aim.t_far != -FLT_MAX ? 1u : 0u;
+    }
+    for (uint32_t first = 0, some; first < flying; first += some) {
+        some = flying - first < HYI_LANES ? flying - first : HYI_LANES;
+        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered]);
+        for (uint32_t i = first; i < first + some; i++) {
+            from[entered] = from[i];
+            entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
+        }
     }
     HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
     for (uint32_t i = 0; i < entered; i++) {
@@ -14671,6 +14729,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     }
 }
 
+/* Flights of HYI_LANES others, by their numbers, in the tree of site; false: they must enter one by one. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    hyk_ray rays[HYI_PACKET_WIDTH];
+    HYI_I(hyi_block) block;
+    hyi_packet packet;
+    for (uint32_t i = 0; i < HYI_LANES; i++) rays[i] = hyi_ray_below(&above[numbers[i]], site);
+    if (!HYI_I(hyi_load_block)(site->bvh, rays, &block)) return false;
+    HYI_I(hyi_fill_packet)(&block, &packet, o, inverse);
+    HYI_I(hyi_cut_flights)(site->bvh, &block, &packet, inverse, rays, below);
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        below[i].ray = above[numbers[i]].ray;
+        below[i].best = above[numbers[i]].best;
+    }
+    return true;
+}
+
 /* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
    are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
@@ -14790,6 +14865,7 @@ HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet 
     const hyi_accel *accel = swarm->site.accel;
     hyk_hit hit;
     hydra_hit told;
+    hyi_tell_miss(&told);
     hit.t = hit.u = hit.v = 0.0f;
     hit.instance = swarm->site.instance;
     hit.primitive = finds->primitive[f];
@@ -14968,10 +15044,18 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
     hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
-    uint32_t entered = 0, *from = space;
+    uint32_t entered = 0, flying = 0, *from = space;
     for (uint32_t i = 0; i < count; i++) {
-        if (swarm->flights[list[i]].aim.t_far == -FLT_MAX) continue;
-        if (hyi_flight_enter(&below[entered], &swarm->flights[list[i]], &site)) from[entered++] = list[i];
+        from[flying] = list[i];
+        flying += swarm->flights[list[i]].aim.t_far != -FLT_MAX ? 1u : 0u;
+    }
+    for (uint32_t first = 0, some; first < flying; first += some) {
+        some = flying - first < HYI_LANES ? flying - first : HYI_LANES;
+        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered]);
+        for (uint32_t i = first; i < first + some; i++) {
+            from[entered] = from[i];
+            entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
+        }
     }
     HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
     for (uint32_t i = 0; i < entered; i++) {
@@ -16500,6 +16584,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     }
 }
 
+/* Flights of HYI_LANES others, by their numbers, in the tree of site; false: they must enter one by one. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below) {
+    float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+    hyk_ray rays[HYI_PACKET_WIDTH];
+    HYI_I(hyi_block) block;
+    hyi_packet packet;
+    for (uint32_t i = 0; i < HYI_LANES; i++) rays[i] = hyi_ray_below(&above[numbers[i]], site);
+    if (!HYI_I(hyi_load_block)(site->bvh, rays, &block)) return false;
+    HYI_I(hyi_fill_packet)(&block, &packet, o, inverse);
+    HYI_I(hyi_cut_flights)(site->bvh, &block, &packet, inverse, rays, below);
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        below[i].ray = above[numbers[i]].ray;
+        below[i].best = above[numbers[i]].best;
+    }
+    return true;
+}
+
 /* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
    are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
@@ -16619,6 +16720,7 @@ HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet 
     const hyi_accel *accel = swarm->site.accel;
     hyk_hit hit;
     hydra_hit told;
+    hyi_tell_miss(&told);
     hit.t = hit.u = hit.v = 0.0f;
     hit.instance = swarm->site.instance;
     hit.primitive = finds->primitive[f];
@@ -16797,10 +16899,18 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
     hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
-    uint32_t entered = 0, *from = space;
+    uint32_t entered = 0, flying = 0, *from = space;
     for (uint32_t i = 0; i < count; i++) {
-        if (swarm->flights[list[i]].aim.t_far == -FLT_MAX) continue;
-        if (hyi_flight_enter(&below[entered], &swarm->flights[list[i]], &site)) from[entered++] = list[i];
+        from[flying] = list[i];
+        flying += swarm->flights[list[i]].aim.t_far != -FLT_MAX ? 1u : 0u;
+    }
+    for (uint32_t first = 0, some; first < flying; first += some) {
+        some = flying - first < HYI_LANES ? flying - first : HYI_LANES;
+        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered]);
+        for (uint32_t i = first; i < first + some; i++) {
+            from[entered] = from[i];
+            entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
+        }
     }
     HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
     for (uint32_t i = 0; i < entered; i++) {
