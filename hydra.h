@@ -8694,6 +8694,7 @@ HYI_STATIC_ASSERT(offsetof(hyi_aim, least_t) == 60 && offsetof(hyi_aim, origin) 
 typedef struct hyi_best {
     float t, u, v;
     uint32_t instance, primitive; /* HYK_NONE: t is t_max */
+    uint32_t leaf, lane;          /* where its triangle lies in the tree that has it */
 } hyi_best;
 
 /* ---- aiming */
@@ -8920,7 +8921,6 @@ typedef struct hyi_flight {
     hyi_aim aim;
     hyi_best best;
     float t_min;
-    uint32_t leaf, lane; /* of the best hit */
     const hyk_ray *ray;  /* in world space */
 } hyi_flight;
 
@@ -9013,8 +9013,8 @@ HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t le
     flight->best.v = weights[1];
     flight->best.instance = site->instance;
     flight->best.primitive = primitive;
-    flight->leaf = leaf;
-    flight->lane = lane;
+    flight->best.leaf = leaf;
+    flight->best.lane = lane;
     flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
     return true;
@@ -9133,8 +9133,6 @@ HYI_FN bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, const h
     below->ray = above->ray;
     below->t_min = above->t_min;
     below->best = above->best;
-    below->leaf = above->leaf;
-    below->lane = above->lane;
     below->aim.least_t = above->best.t;
     below->aim.leaf = below->aim.lane = 0;
     return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, ray.t_max, false);
@@ -9144,8 +9142,6 @@ HYI_FN bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, const h
 HYI_INLINE bool hyi_flight_return(hyi_flight *above, const hyi_flight *below) {
     bool found = below->best.t != above->best.t || below->best.primitive != above->best.primitive || below->best.instance != above->best.instance;
     above->best = below->best;
-    above->leaf = below->leaf;
-    above->lane = below->lane;
     if (found) hyi_aim_limit(&above->aim, above->best.t);
     return found;
 }
@@ -9287,7 +9283,7 @@ HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight
         return;
     }
     hyi_answer(accel, &flight->best, &hit);
-    hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->leaf, flight->lane, hit), out);
+    hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->best.leaf, flight->best.lane, hit), out);
 }
 
 /* ---- for either */
@@ -11327,8 +11323,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
             flight->best.v = finds.v[lane];
             flight->best.instance = swarm->site.instance;
             flight->best.primitive = finds.primitive[f];
-            flight->leaf = finds.leaf[f];
-            flight->lane = finds.triangle[f];
+            flight->best.leaf = finds.leaf[f];
+            flight->best.lane = finds.triangle[f];
         }
     }
 }
@@ -13062,8 +13058,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
             flight->best.v = finds.v[lane];
             flight->best.instance = swarm->site.instance;
             flight->best.primitive = finds.primitive[f];
-            flight->leaf = finds.leaf[f];
-            flight->lane = finds.triangle[f];
+            flight->best.leaf = finds.leaf[f];
+            flight->best.lane = finds.triangle[f];
         }
     }
 }
@@ -14916,8 +14912,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
             flight->best.v = finds.v[lane];
             flight->best.instance = swarm->site.instance;
             flight->best.primitive = finds.primitive[f];
-            flight->leaf = finds.leaf[f];
-            flight->lane = finds.triangle[f];
+            flight->best.leaf = finds.leaf[f];
+            flight->best.lane = finds.triangle[f];
         }
     }
 }
@@ -16771,8 +16767,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
             flight->best.v = finds.v[lane];
             flight->best.instance = swarm->site.instance;
             flight->best.primitive = finds.primitive[f];
-            flight->leaf = finds.leaf[f];
-            flight->lane = finds.triangle[f];
+            flight->best.leaf = finds.leaf[f];
+            flight->best.lane = finds.triangle[f];
         }
     }
 }

@@ -129,7 +129,7 @@ HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight
         return;
     }
     hyi_answer(accel, &flight->best, &hit);
-    hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->leaf, flight->lane, hit), out);
+    hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->best.leaf, flight->best.lane, hit), out);
 }
 
 /* ---- for either */

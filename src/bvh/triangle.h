@@ -60,6 +60,7 @@ HYI_STATIC_ASSERT(offsetof(hyi_aim, least_t) == 60 && offsetof(hyi_aim, origin) 
 typedef struct hyi_best {
     float t, u, v;
     uint32_t instance, primitive; /* HYK_NONE: t is t_max */
+    uint32_t leaf, lane;          /* where its triangle lies in the tree that has it */
 } hyi_best;
 
 /* ---- aiming */

@@ -148,8 +148,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
             flight->best.v = finds.v[lane];
             flight->best.instance = swarm->site.instance;
             flight->best.primitive = finds.primitive[f];
-            flight->leaf = finds.leaf[f];
-            flight->lane = finds.triangle[f];
+            flight->best.leaf = finds.leaf[f];
+            flight->best.lane = finds.triangle[f];
         }
     }
 }

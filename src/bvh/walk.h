@@ -39,7 +39,6 @@ typedef struct hyi_flight {
     hyi_aim aim;
     hyi_best best;
     float t_min;
-    uint32_t leaf, lane; /* of the best hit */
     const hyk_ray *ray;  /* in world space */
 } hyi_flight;
 
@@ -132,8 +131,8 @@ HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t le
     flight->best.v = weights[1];
     flight->best.instance = site->instance;
     flight->best.primitive = primitive;
-    flight->leaf = leaf;
-    flight->lane = lane;
+    flight->best.leaf = leaf;
+    flight->best.lane = lane;
     flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
     return true;
@@ -252,8 +251,6 @@ HYI_FN bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, const h
     below->ray = above->ray;
     below->t_min = above->t_min;
     below->best = above->best;
-    below->leaf = above->leaf;
-    below->lane = above->lane;
     below->aim.least_t = above->best.t;
     below->aim.leaf = below->aim.lane = 0;
     return site->bvh->primitive_count && hyi_aim_at(&below->aim, site->bvh, origin, direction, ray.t_min, ray.t_max, false);
@@ -263,8 +260,6 @@ HYI_FN bool hyi_flight_enter(hyi_flight *below, const hyi_flight *above, const h
 HYI_INLINE bool hyi_flight_return(hyi_flight *above, const hyi_flight *below) {
     bool found = below->best.t != above->best.t || below->best.primitive != above->best.primitive || below->best.instance != above->best.instance;
     above->best = below->best;
-    above->leaf = below->leaf;
-    above->lane = below->lane;
     if (found) hyi_aim_limit(&above->aim, above->best.t);
     return found;
 }
