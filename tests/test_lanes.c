@@ -372,6 +372,42 @@ static void alike_in_instances(void **state) {
     tl_end(&s);
 }
 
+/* Lists for which the levels above have left no room go one by one, with hits that are put off already. */
+static void lists_without_room(void **state) {
+    (void)state;
+    static tl_scene s;
+    ht_rng rng = ht_rng_make(5);
+    tl_begin(&s);
+    ht_mesh mesh = ht_soup(&rng, 3000, 1, 0.4f);
+    for (uint32_t i = 0; i < 9000; i++) { /* the nearer to the middle, the more, and all rays pass there */
+        for (int a = 0; a < 3; a++) mesh.positions[3 * i + (uint32_t)a] *= powf(0.5f, (float)(i / 3) / 300);
+    }
+    tl_add(&s, mesh, HYDRA_ALPHA_OPAQUE);
+    ht_ok(s.host.context, hydra_scene_commit(s.scene));
+    tl_fill(&s, &rng, TL_RANDOM, HYI_STREAM_RAYS);
+    for (uint32_t i = 0; i < HYI_STREAM_RAYS; i++) {
+        const hyk_vec3 o = tl_rays[i].origin;
+        tl_rays[i].direction = hyk_make3(ht_range(&rng, -1e-3f, 1e-3f) - o.x, ht_range(&rng, -1e-3f, 1e-3f) - o.y, ht_range(&rng, -1e-3f, 1e-3f) - o.z);
+        tl_rays[i].t_min = -1;
+        tl_rays[i].t_max = 4;
+    }
+    assert_true(tl_find_truth(&s, HYI_STREAM_RAYS) > HYI_STREAM_RAYS / 2);
+    for (int isa = HYDRA_ISA_SSE42; isa <= HYDRA_ISA_NEON; isa++) {
+        hyi_accel accel = s.scene->accel;
+        hyi_ray_stream stream;
+        accel.isa = (hydra_isa)isa;
+        if (!hyi_isa_is_there(accel.isa)) continue;
+        ht_ok(s.host.context, hyi_ray_stream_alloc(s.host.context, &accel, HYI_STREAM_RAYS, &stream));
+        size_t whole = stream.list_count;
+        stream.list_count = 12u * (HYI_STREAM_RAYS + 16u) + HYI_LIST_RESERVE; /* as few as a list begins with */
+        hyi_trace_closest(&accel, &stream, tl_rays, tl_hits, HYI_STREAM_RAYS);
+        stream.list_count = whole;
+        hyi_ray_stream_free(s.host.context, &stream);
+        assert_memory_equal(tl_hits, tl_truth, HYI_STREAM_RAYS * sizeof *tl_hits);
+    }
+    tl_end(&s);
+}
+
 int hydra_test_lanes(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(meshes_alone),
@@ -381,6 +417,7 @@ int hydra_test_lanes(void) {
         cmocka_unit_test(deep_trees),
         cmocka_unit_test(many_rays),
         cmocka_unit_test(alike_in_instances),
+        cmocka_unit_test(lists_without_room),
     };
     return cmocka_run_group_tests_name("lanes", tests, NULL, NULL);
 }
