@@ -282,7 +282,7 @@ static void test_forged(void **state) {
    overflow, unused children that can be entered. */
 static void test_forged_structure(void **state) {
     (void)state;
-    ht_mesh mesh = some_mesh(0);
+    ht_mesh mesh = some_mesh(1);
     world w;
     open_mesh(&w, &mesh, true, HYDRA_BUILD_AUTO);
     blob good = save(&w), bad = save(&w);

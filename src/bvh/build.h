@@ -22,7 +22,7 @@ HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
     if (build->ref_count == 0) return HYDRA_OK;
     if (build->in_units) HYI_TRY(hyi_build_units(build));
     HYI_TRY(hyi_build_tree(build));
-    if (build->best) HYI_TRY(hyi_reinsert_best(build));
+    if (build->parents) HYI_TRY(hyi_reinsert_largest(build));
     hyi_free_array(build->context, &build->parents, build->capacity);
     hyi_free_array(build->context, &build->other, build->capacity);
     hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);

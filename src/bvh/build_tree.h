@@ -352,9 +352,9 @@ HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
     build->node_capacity = 2u * hyi_places(build) - 1u;
     HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
     HYI_TRY(hyi_alloc_array(build->context, &build->costs, build->node_capacity));
-    if (build->best) {
+    if (build->positions) {
         HYI_TRY(hyi_alloc_array(build->context, &build->parents, build->capacity));
-        build->parents[build->capacity - 1u] = UINT32_MAX; /* of the root */
+        build->parents[hyi_places(build) - 1u] = UINT32_MAX; /* of the root */
     }
     if (!build->other) HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
     if (build->ref_count > HYI_BUILD_LARGE) {
