@@ -7375,9 +7375,9 @@ HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
     build->node_capacity = 2u * hyi_places(build) - 1u;
     HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
     HYI_TRY(hyi_alloc_array(build->context, &build->costs, build->node_capacity));
-    if (build->best) {
+    if (build->positions) {
         HYI_TRY(hyi_alloc_array(build->context, &build->parents, build->capacity));
-        build->parents[build->capacity - 1u] = UINT32_MAX; /* of the root */
+        build->parents[hyi_places(build) - 1u] = UINT32_MAX; /* of the root */
     }
     if (!build->other) HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
     if (build->ref_count > HYI_BUILD_LARGE) {
@@ -7398,15 +7398,13 @@ HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
    Meister, Bittner 2018, "Parallel reinsertion for bounding volume hierarchy optimization": all threads look, on the tree as
    it stands, which candidates would save surface elsewhere. Those are few; they move one after the other, each to where it
    saves most by then. Candidates are the nodes of largest surface (Bittner, Hapala, Havran 2013, "Fast insertion-based
-   optimization of bounding volume hierarchies"): the largest fiftieth has nearly all of the gain.
+   optimization of bounding volume hierarchies"): the largest fiftieth has nearly all of the gain, and the largest
+   four-hundredth what is worth its time in a quick build.
    References keep their boxes, so parts of triangles stay parts. */
 #ifndef HYI_BVH_BUILD_REINSERT_H
 #define HYI_BVH_BUILD_REINSERT_H
 
-#define HYI_REINSERT_PASSES 2u
-#define HYI_REINSERT_SHARE 25u   /* one candidate for so many references, */
-#define HYI_REINSERT_LEAST 1024u /* but no fewer than these, where there are as many nodes */
-#define HYI_REINSERT_PIECE 32u   /* candidates in a piece of work */
+#define HYI_REINSERT_PIECE 32u /* candidates in a piece of work */
 #define HYI_NO_NODE UINT32_MAX
 
 typedef struct hyi_candidate {
@@ -7602,16 +7600,22 @@ HYI_FN void hyi_cost_mended(const hyi_build *build, uint32_t at) {
     hyi_cost_of(build, at);
 }
 
-HYI_FN hydra_result hyi_reinsert_best(hyi_build *build) {
+/* How much is tried: one candidate for so many references, but no fewer than the least, where there are as many nodes. */
+typedef struct hyi_reinsert_effort {
+    uint32_t passes, share, least;
+} hyi_reinsert_effort;
+
+HYI_FN hydra_result hyi_reinsert_largest(hyi_build *build) {
+    const hyi_reinsert_effort thorough = {2, 25, 1024}, quick = {4, 200, 128}, effort = build->best ? thorough : quick;
     hyi_reinsert work;
-    uint32_t nodes = 2u * build->ref_count - 1u, most = build->ref_count / HYI_REINSERT_SHARE;
+    uint32_t nodes = 2u * build->ref_count - 1u, most = build->ref_count / effort.share;
     memset(&work, 0, sizeof work);
     work.build = build;
     work.root = build->node_capacity - 1u;
-    work.most = most > HYI_REINSERT_LEAST ? most : nodes < HYI_REINSERT_LEAST ? nodes : HYI_REINSERT_LEAST;
+    work.most = most > effort.least ? most : nodes < effort.least ? nodes : effort.least;
     HYI_TRY(hyi_alloc_array(build->context, &work.candidates, 2u * (size_t)work.most + 4u));
     work.heap = work.candidates + work.most;
-    for (uint32_t pass = 0; pass < HYI_REINSERT_PASSES; pass++) hyi_reinsert_pass(&work);
+    for (uint32_t pass = 0; pass < effort.passes; pass++) hyi_reinsert_pass(&work);
     hyi_free_array(build->context, &work.candidates, 2u * (size_t)work.most + 4u);
     hyi_cost_mended(build, work.root);
     return HYDRA_OK;
@@ -7916,7 +7920,7 @@ HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
     if (build->ref_count == 0) return HYDRA_OK;
     if (build->in_units) HYI_TRY(hyi_build_units(build));
     HYI_TRY(hyi_build_tree(build));
-    if (build->best) HYI_TRY(hyi_reinsert_best(build));
+    if (build->parents) HYI_TRY(hyi_reinsert_largest(build));
     hyi_free_array(build->context, &build->parents, build->capacity);
     hyi_free_array(build->context, &build->other, build->capacity);
     hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
