@@ -375,6 +375,35 @@ static void answers_say_what_they_should(void **state) {
     assert_true(seen[1] == 0 && seen[2] > 30 && seen[3] > 30 && seen[4] > 30);
 }
 
+/* Catches: a normal of what is left of a tiny triangle in the units of a tree that holds a huge one too. */
+static void normals_of_the_tiny_beside_the_huge(void **state) {
+    (void)state;
+    static const float positions[18] = {0, 0, 0, 3e-25f, 0, 1e-25f, 0, 3e-25f, 2e-25f, 1e20f, 0, -1e20f, 0, 1e20f, -1e20f, 1e20f, 1e20f, -1e20f};
+    static const uint32_t indices[6] = {0, 1, 2, 3, 4, 5};
+    const hydra_ray ray = {{1e-25f, 1e-25f, 1}, 0, {0, 0, -1}, INFINITY};
+    hydra_mesh_desc desc;
+    ht_host host;
+    memset(&host, 0, sizeof host);
+    memset(&desc, 0, sizeof desc);
+    desc.positions.data = positions;
+    desc.positions.stride = 3 * sizeof(float);
+    desc.positions.count = 6;
+    desc.indices.data = indices;
+    desc.indices.stride = sizeof(uint32_t);
+    desc.indices.count = 6;
+    hydra_scene *scene = hydra_scene_create(ht_open(&host, NULL));
+    (void)hydra_scene_add_mesh(scene, &desc);
+    ht_ok(host.context, hydra_scene_commit(scene));
+    hydra_hit hit;
+    ht_ok(host.context, hydra_scene_closest_hits(scene, &ray, &hit, 1));
+    assert_int_equal(hit.primitive, 0);
+    ht_assert_near(hit.normal[0], -1 / sqrt(14), 1e-6); /* of (3, 0, 1) x (0, 3, 2) = (-3, -6, 9) */
+    ht_assert_near(hit.normal[1], -2 / sqrt(14), 1e-6);
+    ht_assert_near(hit.normal[2], 3 / sqrt(14), 1e-6);
+    ht_ok(host.context, hydra_scene_destroy(scene));
+    ht_close(&host);
+}
+
 /* Catches: sound rays left unanswered once one is not; spoiled ones that meet something, in trees or light shapes; a result
    that forgets an earlier batch, or one of the first part of a stream. */
 static void unsound_rays_among_sound(void **state) {
@@ -550,6 +579,7 @@ int hydra_test_queries(void) {
         cmocka_unit_test(answers_of_any_batch),
         cmocka_unit_test(nothing_asked),
         cmocka_unit_test(answers_say_what_they_should),
+        cmocka_unit_test(normals_of_the_tiny_beside_the_huge),
         cmocka_unit_test(unsound_rays_among_sound),
         cmocka_unit_test(many_threads_on_one_scene),
 #ifndef HT_VULKAN

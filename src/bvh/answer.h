@@ -41,17 +41,21 @@ HYI_INLINE void hyi_answer_miss(hyk_hit *hit) {
 
 /* ---- for the caller */
 
-/* Of a triangle whose corners' coordinates lie stride floats apart. Squares of products of floats stay in double's range, so
-   nothing has to be scaled. */
+/* Squares of products of floats stay in double's range, so nothing has to be scaled. */
+HYI_INLINE hyk_vec3 hyi_unit_of(const double n[3]) {
+    double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(n[0], n[0], n[1], n[1], n[2], n[2])));
+    return hyk_make3((float)(n[0] * inverse), (float)(n[1] * inverse), (float)(n[2] * inverse));
+}
+
+/* Of a triangle whose corners' coordinates lie stride floats apart. */
 HYI_INLINE hyk_vec3 hyi_unit_normal(const float *a, const float *b, const float *c, size_t stride) {
     double e[3], f[3], n[3];
     for (size_t i = 0; i < 3; i++) {
         e[i] = (double)b[i * stride] - (double)a[i * stride];
         f[i] = (double)c[i * stride] - (double)a[i * stride];
     }
-    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
-    double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(n[0], n[0], n[1], n[1], n[2], n[2])));
-    return hyk_make3((float)(n[0] * inverse), (float)(n[1] * inverse), (float)(n[2] * inverse));
+    hyi_normal(e, f, n);
+    return hyi_unit_of(n);
 }
 
 /* Whose triangles a tree holds is known by the instance of a hit in it, before that is located in the world. */
@@ -122,14 +126,16 @@ HYI_FN void hyi_tell_shape(const hyi_accel *accel, uint32_t light, float t, cons
     out->normal[2] = n.z;
 }
 
-HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight, hydra_hit *out) {
+/* n: the normal of the hit in the mesh's own space, of any length, where it is known; else NULL. */
+HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight, const double n[3], hydra_hit *out) {
     hyk_hit hit;
     if (flight->best.instance == HYK_NONE) {
         hyi_tell_miss(out);
         return;
     }
     hyi_answer(accel, &flight->best, &hit);
-    hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->best.leaf, flight->best.lane, hit), out);
+    if (n) hyi_tell_surface(accel, hit, hyi_unit_of(n), out);
+    else hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->best.leaf, flight->best.lane, hit), out);
 }
 
 /* ---- for either */
@@ -146,7 +152,7 @@ HYI_INLINE void hyi_prefetch_answers(const hyi_answers *answers, size_t k, size_
 HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const hyi_answers *answers, size_t k) {
     if (answers->occluded) answers->occluded[k] = flight->best.instance != HYK_NONE;
     else if (answers->hits) hyi_answer(accel, &flight->best, &answers->hits[k]);
-    else hyi_tell_flight(accel, flight, &answers->told[k]);
+    else hyi_tell_flight(accel, flight, NULL, &answers->told[k]);
 }
 
 #endif /* HYI_BVH_ANSWER_H */

@@ -194,10 +194,15 @@ HYI_INLINE double hyi_difference_of_products(double a, double p, double b, doubl
     return hyi_rounded_double(hyi_rounded_double(a * p) - hyi_rounded_double(b * q));
 }
 
+/* Of the edges of a triangle. */
+HYI_INLINE void hyi_normal(const double e[3], const double f[3], double n[3]) {
+    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+}
+
 /* t, in the tree's units, at the plane through a triangle's corners, whose x, y, z (in the order of axis) lie stride
-   floats apart, but within t at the corners; false: the ray runs in the plane. */
-HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double *t) {
-    double a[3], e[3], f[3], n[3];
+   floats apart, but within t at the corners; false: the ray runs in the plane. n: its normal, in the same order. */
+HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double *t, double n[3]) {
+    double a[3], e[3], f[3];
     for (int i = 0; i < 3; i++) {
         const float *row = rows + aim->axis[i] * stride;
         double corner = (double)row[0];
@@ -205,7 +210,7 @@ HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32
         e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
         f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
     }
-    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+    hyi_normal(e, f, n);
     double across = hyi_sum_products(n[0], (double)aim->direction[0], n[1], (double)aim->direction[1], n[2], (double)aim->direction[2]);
     if (across == 0.0) return false;
     double plane = hyi_rounded_double(hyi_sum_products(n[0], a[0], n[1], a[1], n[2], a[2]) / across);
@@ -221,12 +226,13 @@ HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32
 }
 
 /* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT where that is not within t_min and
-   t_max; weights: u and v. The plane comes first: most of the triangles that fail here lie behind a nearer hit. */
-HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2]) {
+   t_max; weights: u and v; n: the normal, in the order of axis. The plane comes first: most of the triangles that fail here lie behind a nearer hit. */
+HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2],
+                             double n[3]) {
     float ax, ay, bx, by, cx, cy;
     double distance;
     rows += lane;
-    if (!hyi_plane_distance(aim, rows, stride, &distance)) return HYI_NO_HIT;
+    if (!hyi_plane_distance(aim, rows, stride, &distance, n)) return HYI_NO_HIT;
     float t = (float)hyi_rounded_double(distance * aim->unit);
     if (!(t >= t_min && t <= t_max)) return HYI_NO_HIT;
     hyi_shear_corner(aim, rows, stride, &ax, &ay);

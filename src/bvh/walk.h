@@ -32,6 +32,7 @@ typedef struct hyi_site {
     const hyi_bvh *bvh;
     uint32_t instance;
     bool asks_alpha; /* whether hyk_hit_is_opaque must be asked here */
+    double *normal;  /* gets that of each new best hit, of any length, in the tree's space; NULL: no one asks */
 } hyi_site;
 
 /* A ray on its way through one tree. */
@@ -121,7 +122,8 @@ HYI_NOINLINE bool hyi_lets_pass(const hyi_site *site, const hyk_ray *ray, uint32
 /* Decides on one triangle of a leaf. Returns whether it is the new best. */
 HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
     float weights[2] = {0.0f, 0.0f};
-    float t = hyi_confirm(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), lane, flight->t_min, flight->best.t, weights);
+    double n[3];
+    float t = hyi_confirm(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), lane, flight->t_min, flight->best.t, weights, n);
     if (t == HYI_NO_HIT) return false;
     uint32_t primitive = site->bvh->ids[hyi_leaf_first(leaf) + lane];
     if (!hyi_beats(&flight->best, t, site->instance, primitive)) return false;
@@ -133,6 +135,7 @@ HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t le
     flight->best.primitive = primitive;
     flight->best.leaf = leaf;
     flight->best.lane = lane;
+    for (int i = 0; i < 3 && site->normal; i++) site->normal[flight->aim.axis[i]] = n[i];
     flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
     return true;
@@ -204,6 +207,7 @@ HYI_INLINE hyi_site hyi_first_site(const hyi_accel *accel) {
     site.accel = accel;
     site.bvh = !accel->single ? accel->instances : accel->world ? accel->world : &accel->meshes[mesh];
     site.instance = 0;
+    site.normal = NULL;
     site.asks_alpha = accel->single && (accel->world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh]);
     return site;
 }
@@ -219,6 +223,7 @@ HYI_FN hyi_site hyi_site_of_item(const hyi_accel *accel, uint32_t item) {
     bool world = accel->world && item == 0;
     hyi_site site;
     site.accel = accel;
+    site.normal = NULL;
     site.instance = accel->world && item > 0 ? accel->world_count + item - 1 : item;
     uint32_t mesh = accel->view->instances[site.instance].mesh;
     site.bvh = world ? accel->world : &accel->meshes[mesh];

@@ -30,6 +30,40 @@ HYI_FN hydra_result hyi_check_query(const hydra_scene *scene, const void *rays, 
     return scene->dirty ? HYDRA_ERROR_NOT_COMMITTED : HYDRA_OK;
 }
 
+/* ---- few rays, one by one: nothing is set up for them that only many need */
+
+HYI_INLINE bool hyi_are_few(const hydra_scene *scene, size_t count) {
+    return count < HYI_STREAM_LEAST && !scene->accel.empty && !scene->context->backend;
+}
+
+HYI_FN bool hyi_few_closest(const hyi_accel *accel, const hyk_ray *rays, hydra_hit *hits, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    double n[3];
+    bool sound = true;
+    if (site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (!hyi_trace_one(&site, &flight, &rays[i], false)) sound = hyi_was_sound(&rays[i]) && sound;
+        hyi_tell_flight(accel, &flight, site.normal, &hits[i]);
+    }
+    if (accel->shapes) hyi_trace_shapes_closest(accel, rays, NULL, hits, count, false);
+    return sound;
+}
+
+HYI_FN bool hyi_few_any(const hyi_accel *accel, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    bool sound = true;
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (!hyi_trace_one(&site, &flight, &rays[i], true)) sound = hyi_was_sound(&rays[i]) && sound;
+        occluded[i] = flight.best.instance != HYK_NONE;
+    }
+    if (accel->shapes) hyi_trace_shapes_any(accel, rays, occluded, count);
+    return sound;
+}
+
+/* ---- many */
+
 /* hits, or else occluded, of the context's own threads: in the calling one. Without the memory for a stream rays go one by
    one. Quiet on failure: the error text is not a query's to write. */
 HYI_FN bool hyi_query_here(const hydra_scene *scene, const hyk_ray *rays, const hyi_answers *answers, size_t count) {
@@ -77,11 +111,15 @@ HYI_FN hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *ray
 
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, hits, count));
+    if (hyi_are_few(scene, count))
+        return hyi_few_closest(&scene->accel, (const hyk_ray *)(const void *)rays, hits, (uint32_t)count) ? HYDRA_OK : HYDRA_ERROR_RAY;
     return hyi_query_all(scene, rays, hits, NULL, count);
 }
 
 HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydra_ray *rays, uint8_t *occluded, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, occluded, count));
+    if (hyi_are_few(scene, count))
+        return hyi_few_any(&scene->accel, (const hyk_ray *)(const void *)rays, occluded, (uint32_t)count) ? HYDRA_OK : HYDRA_ERROR_RAY;
     return hyi_query_all(scene, rays, NULL, occluded, count);
 }
 
