@@ -8832,10 +8832,15 @@ HYI_INLINE double hyi_difference_of_products(double a, double p, double b, doubl
     return hyi_rounded_double(hyi_rounded_double(a * p) - hyi_rounded_double(b * q));
 }
 
+/* Of the edges of a triangle. */
+HYI_INLINE void hyi_normal(const double e[3], const double f[3], double n[3]) {
+    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+}
+
 /* t, in the tree's units, at the plane through a triangle's corners, whose x, y, z (in the order of axis) lie stride
-   floats apart, but within t at the corners; false: the ray runs in the plane. */
-HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double *t) {
-    double a[3], e[3], f[3], n[3];
+   floats apart, but within t at the corners; false: the ray runs in the plane. n: its normal, in the same order. */
+HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double *t, double n[3]) {
+    double a[3], e[3], f[3];
     for (int i = 0; i < 3; i++) {
         const float *row = rows + aim->axis[i] * stride;
         double corner = (double)row[0];
@@ -8843,7 +8848,7 @@ HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32
         e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
         f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
     }
-    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
+    hyi_normal(e, f, n);
     double across = hyi_sum_products(n[0], (double)aim->direction[0], n[1], (double)aim->direction[1], n[2], (double)aim->direction[2]);
     if (across == 0.0) return false;
     double plane = hyi_rounded_double(hyi_sum_products(n[0], a[0], n[1], a[1], n[2], a[2]) / across);
@@ -8859,12 +8864,13 @@ HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32
 }
 
 /* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT where that is not within t_min and
-   t_max; weights: u and v. The plane comes first: most of the triangles that fail here lie behind a nearer hit. */
-HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2]) {
+   t_max; weights: u and v; n: the normal, in the order of axis. The plane comes first: most of the triangles that fail here lie behind a nearer hit. */
+HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2],
+                             double n[3]) {
     float ax, ay, bx, by, cx, cy;
     double distance;
     rows += lane;
-    if (!hyi_plane_distance(aim, rows, stride, &distance)) return HYI_NO_HIT;
+    if (!hyi_plane_distance(aim, rows, stride, &distance, n)) return HYI_NO_HIT;
     float t = (float)hyi_rounded_double(distance * aim->unit);
     if (!(t >= t_min && t <= t_max)) return HYI_NO_HIT;
     hyi_shear_corner(aim, rows, stride, &ax, &ay);
@@ -8918,6 +8924,7 @@ typedef struct hyi_site {
     const hyi_bvh *bvh;
     uint32_t instance;
     bool asks_alpha; /* whether hyk_hit_is_opaque must be asked here */
+    double *normal;  /* gets that of each new best hit, of any length, in the tree's space; NULL: no one asks */
 } hyi_site;
 
 /* A ray on its way through one tree. */
@@ -9007,7 +9014,8 @@ HYI_NOINLINE bool hyi_lets_pass(const hyi_site *site, const hyk_ray *ray, uint32
 /* Decides on one triangle of a leaf. Returns whether it is the new best. */
 HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
     float weights[2] = {0.0f, 0.0f};
-    float t = hyi_confirm(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), lane, flight->t_min, flight->best.t, weights);
+    double n[3];
+    float t = hyi_confirm(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), lane, flight->t_min, flight->best.t, weights, n);
     if (t == HYI_NO_HIT) return false;
     uint32_t primitive = site->bvh->ids[hyi_leaf_first(leaf) + lane];
     if (!hyi_beats(&flight->best, t, site->instance, primitive)) return false;
@@ -9019,6 +9027,7 @@ HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t le
     flight->best.primitive = primitive;
     flight->best.leaf = leaf;
     flight->best.lane = lane;
+    for (int i = 0; i < 3 && site->normal; i++) site->normal[flight->aim.axis[i]] = n[i];
     flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
     return true;
@@ -9090,6 +9099,7 @@ HYI_INLINE hyi_site hyi_first_site(const hyi_accel *accel) {
     site.accel = accel;
     site.bvh = !accel->single ? accel->instances : accel->world ? accel->world : &accel->meshes[mesh];
     site.instance = 0;
+    site.normal = NULL;
     site.asks_alpha = accel->single && (accel->world ? accel->world_has_alpha : accel->mesh_has_alpha && accel->mesh_has_alpha[mesh]);
     return site;
 }
@@ -9105,6 +9115,7 @@ HYI_FN hyi_site hyi_site_of_item(const hyi_accel *accel, uint32_t item) {
     bool world = accel->world && item == 0;
     hyi_site site;
     site.accel = accel;
+    site.normal = NULL;
     site.instance = accel->world && item > 0 ? accel->world_count + item - 1 : item;
     uint32_t mesh = accel->view->instances[site.instance].mesh;
     site.bvh = world ? accel->world : &accel->meshes[mesh];
@@ -9199,17 +9210,21 @@ HYI_INLINE void hyi_answer_miss(hyk_hit *hit) {
 
 /* ---- for the caller */
 
-/* Of a triangle whose corners' coordinates lie stride floats apart. Squares of products of floats stay in double's range, so
-   nothing has to be scaled. */
+/* Squares of products of floats stay in double's range, so nothing has to be scaled. */
+HYI_INLINE hyk_vec3 hyi_unit_of(const double n[3]) {
+    double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(n[0], n[0], n[1], n[1], n[2], n[2])));
+    return hyk_make3((float)(n[0] * inverse), (float)(n[1] * inverse), (float)(n[2] * inverse));
+}
+
+/* Of a triangle whose corners' coordinates lie stride floats apart. */
 HYI_INLINE hyk_vec3 hyi_unit_normal(const float *a, const float *b, const float *c, size_t stride) {
     double e[3], f[3], n[3];
     for (size_t i = 0; i < 3; i++) {
         e[i] = (double)b[i * stride] - (double)a[i * stride];
         f[i] = (double)c[i * stride] - (double)a[i * stride];
     }
-    for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
-    double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(n[0], n[0], n[1], n[1], n[2], n[2])));
-    return hyk_make3((float)(n[0] * inverse), (float)(n[1] * inverse), (float)(n[2] * inverse));
+    hyi_normal(e, f, n);
+    return hyi_unit_of(n);
 }
 
 /* Whose triangles a tree holds is known by the instance of a hit in it, before that is located in the world. */
@@ -9280,14 +9295,16 @@ HYI_FN void hyi_tell_shape(const hyi_accel *accel, uint32_t light, float t, cons
     out->normal[2] = n.z;
 }
 
-HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight, hydra_hit *out) {
+/* n: the normal of the hit in the mesh's own space, of any length, where it is known; else NULL. */
+HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight, const double n[3], hydra_hit *out) {
     hyk_hit hit;
     if (flight->best.instance == HYK_NONE) {
         hyi_tell_miss(out);
         return;
     }
     hyi_answer(accel, &flight->best, &hit);
-    hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->best.leaf, flight->best.lane, hit), out);
+    if (n) hyi_tell_surface(accel, hit, hyi_unit_of(n), out);
+    else hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, hyi_tree_of(accel, flight->best.instance), flight->best.leaf, flight->best.lane, hit), out);
 }
 
 /* ---- for either */
@@ -9304,7 +9321,7 @@ HYI_INLINE void hyi_prefetch_answers(const hyi_answers *answers, size_t k, size_
 HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const hyi_answers *answers, size_t k) {
     if (answers->occluded) answers->occluded[k] = flight->best.instance != HYK_NONE;
     else if (answers->hits) hyi_answer(accel, &flight->best, &answers->hits[k]);
-    else hyi_tell_flight(accel, flight, &answers->told[k]);
+    else hyi_tell_flight(accel, flight, NULL, &answers->told[k]);
 }
 
 #endif /* HYI_BVH_ANSWER_H */
@@ -20425,6 +20442,40 @@ HYI_FN hydra_result hyi_check_query(const hydra_scene *scene, const void *rays, 
     return scene->dirty ? HYDRA_ERROR_NOT_COMMITTED : HYDRA_OK;
 }
 
+/* ---- few rays, one by one: nothing is set up for them that only many need */
+
+HYI_INLINE bool hyi_are_few(const hydra_scene *scene, size_t count) {
+    return count < HYI_STREAM_LEAST && !scene->accel.empty && !scene->context->backend;
+}
+
+HYI_FN bool hyi_few_closest(const hyi_accel *accel, const hyk_ray *rays, hydra_hit *hits, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    double n[3];
+    bool sound = true;
+    if (site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (!hyi_trace_one(&site, &flight, &rays[i], false)) sound = hyi_was_sound(&rays[i]) && sound;
+        hyi_tell_flight(accel, &flight, site.normal, &hits[i]);
+    }
+    if (accel->shapes) hyi_trace_shapes_closest(accel, rays, NULL, hits, count, false);
+    return sound;
+}
+
+HYI_FN bool hyi_few_any(const hyi_accel *accel, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    bool sound = true;
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (!hyi_trace_one(&site, &flight, &rays[i], true)) sound = hyi_was_sound(&rays[i]) && sound;
+        occluded[i] = flight.best.instance != HYK_NONE;
+    }
+    if (accel->shapes) hyi_trace_shapes_any(accel, rays, occluded, count);
+    return sound;
+}
+
+/* ---- many */
+
 /* hits, or else occluded, of the context's own threads: in the calling one. Without the memory for a stream rays go one by
    one. Quiet on failure: the error text is not a query's to write. */
 HYI_FN bool hyi_query_here(const hydra_scene *scene, const hyk_ray *rays, const hyi_answers *answers, size_t count) {
@@ -20472,11 +20523,15 @@ HYI_FN hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *ray
 
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, hits, count));
+    if (hyi_are_few(scene, count))
+        return hyi_few_closest(&scene->accel, (const hyk_ray *)(const void *)rays, hits, (uint32_t)count) ? HYDRA_OK : HYDRA_ERROR_RAY;
     return hyi_query_all(scene, rays, hits, NULL, count);
 }
 
 HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydra_ray *rays, uint8_t *occluded, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, occluded, count));
+    if (hyi_are_few(scene, count))
+        return hyi_few_any(&scene->accel, (const hyk_ray *)(const void *)rays, occluded, (uint32_t)count) ? HYDRA_OK : HYDRA_ERROR_RAY;
     return hyi_query_all(scene, rays, NULL, occluded, count);
 }
 
