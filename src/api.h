@@ -524,7 +524,7 @@ typedef struct hydra_hit {
 /* Closest hits of count rays: hits[i] belongs to rays[i]. Ties go to the smallest instance, then triangle. Alpha is
    honoured. Any number of threads may call it on one committed scene; runs in the calling thread.
    Rays with NaN or infinite origin, direction or t_min, a zero direction, or t_max below t_min miss; that there were some
-   is reported as HYDRA_ERROR_RAY after all others were answered. */
+   is reported as HYDRA_ERROR_RAY after all others were answered. hits must not overlap rays. */
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count);
 /* occluded[i] is 1 if anything lies on ray i, else 0. As above otherwise. */
 HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydra_ray *rays, uint8_t *occluded, size_t count);

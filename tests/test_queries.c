@@ -10,7 +10,7 @@ int hydra_test_queries(void);
 #define TQ_MOST 600
 #define TQ_LAST_ISA HYDRA_ISA_SCALAR
 #else
-#define TQ_MOST 70000 /* more than are sorted at a time */
+#define TQ_MOST 70000 /* more than a call goes through at a time */
 #define TQ_LAST_ISA HYDRA_ISA_NEON
 #endif
 

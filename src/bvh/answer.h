@@ -79,10 +79,13 @@ HYI_INLINE hyk_vec3 hyi_normal_of_lane(const hyi_accel *accel, const hyi_bvh *bv
     return hyi_unit_normal(row, row + 3u * count, row + 6u * count, count);
 }
 
+/* A normal out of an instance's own space. One copy for all instruction sets: it rounds. */
+HYI_NOINLINE hyk_vec3 hyi_place_normal(const hyk_instance *placed, hyk_vec3 n) { return hyk_normalize(hyk_transform_normal(*placed, n)); }
+
 /* n: the normal in the mesh's own space. */
 HYI_INLINE void hyi_tell_surface(const hyi_accel *accel, hyk_hit hit, hyk_vec3 n, hydra_hit *out) {
     const hyk_instance *placed = &accel->view->instances[hit.instance];
-    if (!(placed->flags & HYK_INSTANCE_IDENTITY)) n = hyk_normalize(hyk_transform_normal(*placed, n));
+    if (!(placed->flags & HYK_INSTANCE_IDENTITY)) n = hyi_place_normal(placed, n);
     out->t = hit.t;
     out->u = hit.u;
     out->v = hit.v;
@@ -142,9 +145,9 @@ HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight
 
 /* Hits of count rays from number k on will be written soon: they fill more cache lines than wait for memory at a time. */
 HYI_INLINE void hyi_prefetch_answers(const hyi_answers *answers, size_t k, size_t count) {
+    if (answers->occluded) return;
     const char *at = answers->told ? (const char *)&answers->told[k] : (const char *)&answers->hits[k];
     size_t bytes = count * (answers->told ? sizeof *answers->told : sizeof *answers->hits);
-    if (answers->occluded) return;
     for (size_t i = 0; i < bytes; i += 64u) hyi_prefetch(at + i);
 }
 

@@ -99,7 +99,6 @@
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
-#undef HYI_SIZE4
 #undef HYI_SIZE8
 #undef HYI_SIZEW
 #undef HYI_STORE2

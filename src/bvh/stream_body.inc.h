@@ -29,7 +29,7 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, co
     if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
     const hyi_aim *aim = &swarm->flights[item].aim;
     HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
-    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter);
+    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter, false);
 }
 
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */

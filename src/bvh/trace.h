@@ -89,7 +89,6 @@ HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel
 
 /* ---- one by one */
 
-/* The tracing functions say whether all rays were sound. */
 /* false: the ray meets nothing, and may be unsound. */
 HYI_INLINE bool hyi_trace_one(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
     bool flies = false;
@@ -97,6 +96,7 @@ HYI_INLINE bool hyi_trace_one(const hyi_site *site, hyi_flight *flight, const hy
     return flies;
 }
 
+/* The tracing functions say whether all rays were sound. */
 HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     hyi_site site = hyi_first_site(accel);
     bool sound = true;
@@ -120,11 +120,6 @@ HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, con
         sound = sound && whole;
     }
     return sound;
-}
-
-HYI_FN bool hyi_trace_all(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
-    if (stream && stream->capacity && count >= HYI_STREAM_LEAST) return hyi_trace_stream(accel, stream, rays, answers, count);
-    return hyi_trace_singles(accel, rays, answers, count);
 }
 
 HYI_FN bool hyi_trace_nothing(const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {

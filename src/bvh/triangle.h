@@ -63,6 +63,13 @@ typedef struct hyi_best {
     uint32_t leaf, lane;          /* where its triangle lies in the tree that has it */
 } hyi_best;
 
+/* Of -0 too. */
+HYI_INLINE bool hyi_has_sign(float value) {
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return (bits & 0x80000000u) != 0u;
+}
+
 /* ---- aiming */
 
 /* Moves a ray of any length into the units of the tree: directions far from 1 in size are scaled by a power

@@ -2,9 +2,10 @@
    HYI_PIN8 keeps values as rounded) */
 
 /* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
-   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
-   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
-HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+   in the order of floats but for two negative ones. Integers are the sooner compared, and a ray that goes alone waits for every
+   comparison on its way: where it begins at t +0 or later, what is negative is behind it, however it compares, and a box that
+   is left there is not met. Rays that begin earlier compare floats. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter, bool alone) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
     HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
@@ -12,6 +13,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    if (!alone || hyi_has_sign(aim->t_near)) {
+        *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+        return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    }
     *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
     return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
@@ -23,7 +28,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const h
         near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
         far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
     }
-    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
     return mask;
 }
