@@ -526,7 +526,7 @@ typedef struct hydra_hit {
 /* Closest hits of count rays: hits[i] belongs to rays[i]. Ties go to the smallest instance, then triangle. Alpha is
    honoured. Any number of threads may call it on one committed scene; runs in the calling thread.
    Rays with NaN or infinite origin, direction or t_min, a zero direction, or t_max below t_min miss; that there were some
-   is reported as HYDRA_ERROR_RAY after all others were answered. */
+   is reported as HYDRA_ERROR_RAY after all others were answered. hits must not overlap rays. */
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count);
 /* occluded[i] is 1 if anything lies on ray i, else 0. As above otherwise. */
 HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydra_ray *rays, uint8_t *occluded, size_t count);
@@ -8701,6 +8701,13 @@ typedef struct hyi_best {
     uint32_t leaf, lane;          /* where its triangle lies in the tree that has it */
 } hyi_best;
 
+/* Of -0 too. */
+HYI_INLINE bool hyi_has_sign(float value) {
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return (bits & 0x80000000u) != 0u;
+}
+
 /* ---- aiming */
 
 /* Moves a ray of any length into the units of the tree: directions far from 1 in size are scaled by a power
@@ -9248,10 +9255,13 @@ HYI_INLINE hyk_vec3 hyi_normal_of_lane(const hyi_accel *accel, const hyi_bvh *bv
     return hyi_unit_normal(row, row + 3u * count, row + 6u * count, count);
 }
 
+/* A normal out of an instance's own space. One copy for all instruction sets: it rounds. */
+HYI_NOINLINE hyk_vec3 hyi_place_normal(const hyk_instance *placed, hyk_vec3 n) { return hyk_normalize(hyk_transform_normal(*placed, n)); }
+
 /* n: the normal in the mesh's own space. */
 HYI_INLINE void hyi_tell_surface(const hyi_accel *accel, hyk_hit hit, hyk_vec3 n, hydra_hit *out) {
     const hyk_instance *placed = &accel->view->instances[hit.instance];
-    if (!(placed->flags & HYK_INSTANCE_IDENTITY)) n = hyk_normalize(hyk_transform_normal(*placed, n));
+    if (!(placed->flags & HYK_INSTANCE_IDENTITY)) n = hyi_place_normal(placed, n);
     out->t = hit.t;
     out->u = hit.u;
     out->v = hit.v;
@@ -9311,9 +9321,9 @@ HYI_INLINE void hyi_tell_flight(const hyi_accel *accel, const hyi_flight *flight
 
 /* Hits of count rays from number k on will be written soon: they fill more cache lines than wait for memory at a time. */
 HYI_INLINE void hyi_prefetch_answers(const hyi_answers *answers, size_t k, size_t count) {
+    if (answers->occluded) return;
     const char *at = answers->told ? (const char *)&answers->told[k] : (const char *)&answers->hits[k];
     size_t bytes = count * (answers->told ? sizeof *answers->told : sizeof *answers->hits);
-    if (answers->occluded) return;
     for (size_t i = 0; i < bytes; i += 64u) hyi_prefetch(at + i);
 }
 
@@ -9623,9 +9633,10 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
    HYI_PIN8 keeps values as rounded) */
 
 /* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
-   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
-   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
-HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+   in the order of floats but for two negative ones. Integers are the sooner compared, and a ray that goes alone waits for every
+   comparison on its way: where it begins at t +0 or later, what is negative is behind it, however it compares, and a box that
+   is left there is not met. Rays that begin earlier compare floats. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter, bool alone) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
     HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
@@ -9633,6 +9644,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    if (!alone || hyi_has_sign(aim->t_near)) {
+        *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+        return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    }
     *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
     return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
@@ -9644,7 +9659,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const h
         near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
         far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
     }
-    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
     return mask;
 }
@@ -9941,7 +9956,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
-#undef HYI_SIZE4
 #undef HYI_SIZE4
 #undef HYI_SIZE8
 #undef HYI_SIZEW
@@ -10265,9 +10279,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_b
    HYI_PIN8 keeps values as rounded) */
 
 /* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
-   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
-   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
-HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+   in the order of floats but for two negative ones. Integers are the sooner compared, and a ray that goes alone waits for every
+   comparison on its way: where it begins at t +0 or later, what is negative is behind it, however it compares, and a box that
+   is left there is not met. Rays that begin earlier compare floats. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter, bool alone) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
     HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
@@ -10275,6 +10290,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    if (!alone || hyi_has_sign(aim->t_near)) {
+        *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+        return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    }
     *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
     return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
@@ -10286,7 +10305,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const h
         near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
         far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
     }
-    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
     return mask;
 }
@@ -11380,7 +11399,7 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, co
     if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
     const hyi_aim *aim = &swarm->flights[item].aim;
     HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
-    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter);
+    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter, false);
 }
 
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
@@ -11723,7 +11742,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
-#undef HYI_SIZE4
 #undef HYI_SIZE4
 #undef HYI_SIZE8
 #undef HYI_SIZEW
@@ -12000,9 +12018,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_b
    HYI_PIN8 keeps values as rounded) */
 
 /* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
-   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
-   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
-HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+   in the order of floats but for two negative ones. Integers are the sooner compared, and a ray that goes alone waits for every
+   comparison on its way: where it begins at t +0 or later, what is negative is behind it, however it compares, and a box that
+   is left there is not met. Rays that begin earlier compare floats. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter, bool alone) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
     HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
@@ -12010,6 +12029,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    if (!alone || hyi_has_sign(aim->t_near)) {
+        *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+        return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    }
     *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
     return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
@@ -12021,7 +12044,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const h
         near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
         far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
     }
-    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
     return mask;
 }
@@ -13115,7 +13138,7 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, co
     if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
     const hyi_aim *aim = &swarm->flights[item].aim;
     HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
-    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter);
+    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter, false);
 }
 
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
@@ -13459,7 +13482,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
-#undef HYI_SIZE4
 #undef HYI_SIZE8
 #undef HYI_SIZEW
 #undef HYI_STORE2
@@ -13559,7 +13581,6 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_BITS2_2(low, high) ((uint32_t)_mm_movemask_pd(low) | (uint32_t)_mm_movemask_pd(high) << 2)
 #define HYI_PIN2(a) hyi_pin2_sse42(a)
 #define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
-#define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
 /* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
    for four floats and two doubles) */
@@ -13854,9 +13875,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_b
    HYI_PIN8 keeps values as rounded) */
 
 /* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
-   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
-   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
-HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+   in the order of floats but for two negative ones. Integers are the sooner compared, and a ray that goes alone waits for every
+   comparison on its way: where it begins at t +0 or later, what is negative is behind it, however it compares, and a box that
+   is left there is not met. Rays that begin earlier compare floats. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter, bool alone) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
     HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
@@ -13864,6 +13886,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    if (!alone || hyi_has_sign(aim->t_near)) {
+        *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+        return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    }
     *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
     return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
@@ -13875,7 +13901,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const h
         near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
         far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
     }
-    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
     return mask;
 }
@@ -14969,7 +14995,7 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, co
     if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
     const hyi_aim *aim = &swarm->flights[item].aim;
     HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
-    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter);
+    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter, false);
 }
 
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
@@ -15313,7 +15339,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
-#undef HYI_SIZE4
 #undef HYI_SIZE8
 #undef HYI_SIZEW
 #undef HYI_STORE2
@@ -15414,7 +15439,6 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_BITS2_2(low, high) hyi_bits2_2_neon(low, high)
 #define HYI_PIN2(a) hyi_pin2_neon(a)
 #define HYI_BITS4(m) (hyi_bits4_4_neon(m, m) & 15u)
-#define HYI_SIZE4(a) vabsq_f32(a)
 #define HYI_SIGNED4(size, of) vbslq_f32(vdupq_n_u32(0x80000000u), of, size)
 /* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
    for four floats and two doubles) */
@@ -15709,9 +15733,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_b
    HYI_PIN8 keeps values as rounded) */
 
 /* Eight boxes against one ray; the planes come in the order in which it meets them. Bits of floats, compared as integers, are
-   in the order of floats but for two negative ones: then a box is entered earlier or left later than it is, never the other
-   way round, and nothing is missed. Integers are the sooner compared, and a ray waits for every comparison on its way. */
-HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter) {
+   in the order of floats but for two negative ones. Integers are the sooner compared, and a ray that goes alone waits for every
+   comparison on its way: where it begins at t +0 or later, what is negative is behind it, however it compares, and a box that
+   is left there is not met. Rays that begin earlier compare floats. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI_F8 near_planes[3], const HYI_F8 far_planes[3], HYI_F8 *enter, bool alone) {
     HYI_F8 ix = HYI_SET8(aim->inverse[0]), iy = HYI_SET8(aim->inverse[1]), iz = HYI_SET8(aim->inverse[2]);
     HYI_F8 nx = HYI_MAD8(near_planes[0], ix, HYI_SET8(aim->near_offset[0]));
     HYI_F8 ny = HYI_MAD8(near_planes[1], iy, HYI_SET8(aim->near_offset[1]));
@@ -15719,6 +15744,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
     HYI_F8 fx = HYI_MAD8(far_planes[0], ix, HYI_SET8(aim->far_offset[0]));
     HYI_F8 fy = HYI_MAD8(far_planes[1], iy, HYI_SET8(aim->far_offset[1]));
     HYI_F8 fz = HYI_MAD8(far_planes[2], iz, HYI_SET8(aim->far_offset[2]));
+    if (!alone || hyi_has_sign(aim->t_near)) {
+        *enter = HYI_MAX8(HYI_MAX8(nx, ny), HYI_MAX8(nz, HYI_SET8(aim->t_near)));
+        return HYI_LE8(*enter, HYI_MIN8(HYI_MIN8(fx, fy), HYI_MIN8(fz, HYI_SET8(aim->t_far))));
+    }
     *enter = HYI_MAX8_AS_INTS(HYI_MAX8_AS_INTS(nx, ny), HYI_MAX8_AS_INTS(nz, HYI_SET8(aim->t_near)));
     return HYI_LE8(*enter, HYI_MIN8_AS_INTS(HYI_MIN8_AS_INTS(fx, fy), HYI_MIN8_AS_INTS(fz, HYI_SET8(aim->t_far))));
 }
@@ -15730,7 +15759,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const h
         near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
         far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
     }
-    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t));
+    uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
     return mask;
 }
@@ -16824,7 +16853,7 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, co
     if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
     const hyi_aim *aim = &swarm->flights[item].aim;
     HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
-    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter);
+    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter, false);
 }
 
 /* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
@@ -17168,7 +17197,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_RAY_WORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
-#undef HYI_SIZE4
 #undef HYI_SIZE8
 #undef HYI_SIZEW
 #undef HYI_STORE2
@@ -17273,7 +17301,6 @@ HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel
 
 /* ---- one by one */
 
-/* The tracing functions say whether all rays were sound. */
 /* false: the ray meets nothing, and may be unsound. */
 HYI_INLINE bool hyi_trace_one(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
     bool flies = false;
@@ -17281,6 +17308,7 @@ HYI_INLINE bool hyi_trace_one(const hyi_site *site, hyi_flight *flight, const hy
     return flies;
 }
 
+/* The tracing functions say whether all rays were sound. */
 HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     hyi_site site = hyi_first_site(accel);
     bool sound = true;
@@ -17304,11 +17332,6 @@ HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, con
         sound = sound && whole;
     }
     return sound;
-}
-
-HYI_FN bool hyi_trace_all(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
-    if (stream && stream->capacity && count >= HYI_STREAM_LEAST) return hyi_trace_stream(accel, stream, rays, answers, count);
-    return hyi_trace_singles(accel, rays, answers, count);
 }
 
 HYI_FN bool hyi_trace_nothing(const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {

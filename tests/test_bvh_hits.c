@@ -331,6 +331,15 @@ static void shapes_are_seen_in_front_of_surfaces(void **state) {
         assert_true(hits[0].t > (k < 2 ? 5.5f : 3.5f) && hits[0].t < (k < 2 ? 5.6f : 3.6f) && hits[0].u == 0);
         assert_int_equal(hits[1].instance, HYK_NONE);
         assert_true(hits[2].instance == 0 && hits[2].t == 8);
+        hyk_hit tie = hits[0];
+        hydra_hit told = {.t = hits[0].t, .mesh = 1};
+        tie.instance = tie.primitive = 0;
+        hyi_trace_shapes_closest(&s.accel, rays, &tie, NULL, 1, k < 2);
+        hyi_trace_shapes_closest(&s.accel, rays, NULL, &told, 1, k < 2);
+        assert_true(tie.instance == 0 && told.mesh == 1); /* a surface comes before a shape */
+        tie.t = nextafterf(tie.t, INFINITY);
+        hyi_trace_shapes_closest(&s.accel, rays, &tie, NULL, 1, k < 2);
+        assert_int_equal(tie.instance, HYK_HIT_SHAPE);
         rays[0].t_max = 4;
         hyi_trace_any(&s.accel, NULL, rays, any, 3);
         assert_true(any[0] == 0 && any[1] == 0 && any[2] == 1);
@@ -339,6 +348,56 @@ static void shapes_are_seen_in_front_of_surfaces(void **state) {
     }
     hyi_bvh_free(&s.host.context, &shapes);
     tb_end(&s);
+}
+
+/* ---- boxes */
+
+#define TB_BOXES 500u
+
+static bool tb_count_box(void *argument, hyi_flight *flight, uint32_t item) {
+    (void)flight;
+    (void)item;
+    ++*(uint32_t *)argument;
+    return false;
+}
+
+static uint32_t tb_boxes_met(const hyi_bvh *boxes, hydra_isa isa, hyk_ray ray) {
+    hyi_flight flight;
+    uint32_t met = 0;
+    if (hyi_flight_begin(&flight, boxes, &ray, FLT_MAX)) HYI_DISPATCH(isa, hyi_walk_boxes, (boxes, &flight, boxes->root, tb_count_box, &met))
+    return met;
+}
+
+/* Catches: limits of one sign that are compared as if of the other, so that all that lies behind a ray is met. */
+static void boxes_behind_a_ray(void **state) {
+    (void)state;
+    static hyi_box boxes[TB_BOXES];
+    ht_host host;
+    ht_rng rng = ht_rng_make(8);
+    hyi_bvh tree;
+    hydra_context *context = ht_open(&host, NULL);
+    for (uint32_t i = 0; i < TB_BOXES; i++) {
+        for (int a = 0; a < 3; a++) {
+            boxes[i].lower[a] = ht_range(&rng, -1, 1);
+            boxes[i].upper[a] = boxes[i].lower[a] + 0.2f;
+        }
+    }
+    assert_int_equal(hyi_bvh_build_boxes(context, boxes, TB_BOXES, &tree), HYDRA_OK);
+    for (int isa = HYDRA_ISA_SCALAR; isa <= HYDRA_ISA_NEON; isa++) {
+        uint32_t ahead = 0, behind = 0;
+        for (int i = 0; i < 200 && hyi_isa_is_there((hydra_isa)isa); i++) {
+            const float o[3] = {ht_range(&rng, -1, 1), ht_range(&rng, -1, 1), ht_range(&rng, -1, 1)};
+            const float d[3] = {ht_range(&rng, -1, 1), ht_range(&rng, -1, 1), ht_range(&rng, -1, 1)};
+            uint32_t met = tb_boxes_met(&tree, (hydra_isa)isa, tb_ray(o, d, 0, INFINITY));
+            assert_int_equal(tb_boxes_met(&tree, (hydra_isa)isa, tb_ray(o, d, -0.0f, INFINITY)), met);
+            assert_int_equal(tb_boxes_met(&tree, (hydra_isa)isa, tb_ray(o, d, -1e-30f, INFINITY)), met);
+            behind += tb_boxes_met(&tree, (hydra_isa)isa, tb_ray(o, d, -9, 0));
+            ahead += met;
+        }
+        assert_true(!hyi_isa_is_there((hydra_isa)isa) || (ahead > 200 && behind > 200 && behind < 2 * ahead));
+    }
+    hyi_bvh_free(context, &tree);
+    ht_close(&host);
 }
 
 /* ---- alpha: a mesh whose first half of triangles is cut out */
@@ -394,6 +453,7 @@ int hydra_test_bvh_hits(void) {
         cmocka_unit_test(degenerate_triangles_are_dropped),
         cmocka_unit_test(nothing_is_hit_by_nothing),
         cmocka_unit_test(shapes_are_seen_in_front_of_surfaces),
+        cmocka_unit_test(boxes_behind_a_ray),
         cmocka_unit_test(cut_out_triangles_let_rays_through),
     };
     return cmocka_run_group_tests_name("bvh_hits", tests, NULL, NULL);
