@@ -375,6 +375,7 @@ static void boxes_behind_a_ray(void **state) {
     ht_host host;
     ht_rng rng = ht_rng_make(8);
     hyi_bvh tree;
+    memset(&host, 0, sizeof host);
     hydra_context *context = ht_open(&host, NULL);
     for (uint32_t i = 0; i < TB_BOXES; i++) {
         for (int a = 0; a < 3; a++) {
