@@ -8663,6 +8663,7 @@ HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions
 #define HYI_FAR_AWAY 4611686018427387904.0f /* 2^62: a farther origin is moved to here */
 #define HYI_SLAB_BOUND 9.5367431640625e-07f  /* 2^-20 */
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
+#define HYI_NEAR_BY 1099511627776.0f         /* 2^40: origins within it go as they are, many at a time */
 #define HYI_SHORTEST 9.31322574615478515625e-10f /* 2^-30 */
 #define HYI_LONGEST 1073741824.0f            /* 2^30: directions between these keep their length */
 #define HYI_STEADY 8.67361737988403547e-19f  /* 2^-60: the smallest direction component */
@@ -10197,6 +10198,8 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_MAXD(a, b) _mm256_max_pd(a, b)
 #define HYI_LTD(a, b) ((uint32_t)_mm256_movemask_pd(_mm256_cmp_pd(a, b, _CMP_LT_OQ)))
 #define HYI_PIND(a) hyi_pin_double_avx2(a)
+/* ---- four floats in the words of x86, for the instruction sets that have them: all */
+
 #define HYI_F4 __m128
 #define HYI_LOAD4(p) _mm_loadu_ps(p)
 #define HYI_STORE4(p, a) _mm_storeu_ps(p, a)
@@ -10268,7 +10271,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_b
     HYI_STORE4(direction, d);
     float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
     if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
-    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(1099511627776.0f))) != 15u || !bvh->rows) return false;
+    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(HYI_NEAR_BY))) != 15u || !bvh->rows) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
     HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
     return true;
@@ -10919,8 +10922,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     return true;
 }
 
+/* HYI_LANES rays as they came, in the units of a tree. */
 typedef struct HYI_I(hyi_block) {
-    HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
+    HYI_FW origin[3], direction[3], size[3]; /* size of each direction component */
     HYI_FW t_min, t_limit;
     HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
 } HYI_I(hyi_block);
@@ -10945,12 +10949,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
         block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
-        fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
+        fit &= HYI_I(hyi_within)(block->origin[a], HYI_NEAR_BY) & HYI_I(hyi_within)(block->direction[a], HYI_LONGEST);
     }
     HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
     block->y = HYI_LTW(block->size[0], block->size[1]);
     block->z = HYI_LTW(of_two, block->size[2]);
-    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
+    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(HYI_SHORTEST), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
 }
 
 /* hyi_aim_group of each lane, as a number. */
@@ -11223,32 +11227,24 @@ typedef struct HYI_I(hyi_finds) {
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
 } HYI_I(hyi_finds);
 
-/* Rays of a packet find few triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+/* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
+   in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, HYI_FW rows[9]) {
     HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    while (left) {
-        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        finds->lanes[k] = HYI_BITSW(same);
-        finds->leaf[k] = packet->leaf.word[lane];
-        finds->triangle[k] = packet->triangle.word[lane];
-        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
-        left &= ~finds->lanes[k];
-    }
-}
-
-/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
-                                                   const uint32_t axis[3], HYI_FW rows[9]) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
-    for (uint32_t f = 0; f < finds->count; f++) {
-        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
-        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
+        uint32_t count = hyi_leaf_count(leaf);
         for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = leaf;
+        finds->triangle[k] = triangle;
+        finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
+        left &= ~finds->lanes[k];
     }
 }
 
@@ -11274,9 +11270,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     HYI_I(hyi_corner_all) corners[3];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
     if (finds->count == 0) return;
-    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
@@ -11958,6 +11953,8 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_MAXD(a, b) _mm512_max_pd(a, b)
 #define HYI_LTD(a, b) hyi_bits8_avx512(_mm512_cmp_pd_mask(a, b, _CMP_LT_OQ))
 #define HYI_PIND(a) hyi_pin_double_avx512(a)
+/* ---- four floats in the words of x86, for the instruction sets that have them: all */
+
 #define HYI_F4 __m128
 #define HYI_LOAD4(p) _mm_loadu_ps(p)
 #define HYI_STORE4(p, a) _mm_storeu_ps(p, a)
@@ -12029,7 +12026,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_b
     HYI_STORE4(direction, d);
     float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
     if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
-    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(1099511627776.0f))) != 15u || !bvh->rows) return false;
+    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(HYI_NEAR_BY))) != 15u || !bvh->rows) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
     HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
     return true;
@@ -12680,8 +12677,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     return true;
 }
 
+/* HYI_LANES rays as they came, in the units of a tree. */
 typedef struct HYI_I(hyi_block) {
-    HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
+    HYI_FW origin[3], direction[3], size[3]; /* size of each direction component */
     HYI_FW t_min, t_limit;
     HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
 } HYI_I(hyi_block);
@@ -12706,12 +12704,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
         block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
-        fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
+        fit &= HYI_I(hyi_within)(block->origin[a], HYI_NEAR_BY) & HYI_I(hyi_within)(block->direction[a], HYI_LONGEST);
     }
     HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
     block->y = HYI_LTW(block->size[0], block->size[1]);
     block->z = HYI_LTW(of_two, block->size[2]);
-    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
+    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(HYI_SHORTEST), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
 }
 
 /* hyi_aim_group of each lane, as a number. */
@@ -12984,32 +12982,24 @@ typedef struct HYI_I(hyi_finds) {
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
 } HYI_I(hyi_finds);
 
-/* Rays of a packet find few triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+/* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
+   in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, HYI_FW rows[9]) {
     HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    while (left) {
-        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        finds->lanes[k] = HYI_BITSW(same);
-        finds->leaf[k] = packet->leaf.word[lane];
-        finds->triangle[k] = packet->triangle.word[lane];
-        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
-        left &= ~finds->lanes[k];
-    }
-}
-
-/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
-                                                   const uint32_t axis[3], HYI_FW rows[9]) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
-    for (uint32_t f = 0; f < finds->count; f++) {
-        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
-        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
+        uint32_t count = hyi_leaf_count(leaf);
         for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = leaf;
+        finds->triangle[k] = triangle;
+        finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
+        left &= ~finds->lanes[k];
     }
 }
 
@@ -13035,9 +13025,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     HYI_I(hyi_corner_all) corners[3];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
     if (finds->count == 0) return;
-    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
@@ -13560,24 +13549,28 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 
 #define HYI_TARGET HYI_SSE42
 #define HYI_I(name) name##_sse42
+/* ---- four floats in the words of x86, for the instruction sets that have them: all */
+
 #define HYI_F4 __m128
-#define HYI_M4 __m128
 #define HYI_LOAD4(p) _mm_loadu_ps(p)
-#define HYI_LOAD4_ALIGNED(p) _mm_load_ps(p)
 #define HYI_STORE4(p, a) _mm_storeu_ps(p, a)
 #define HYI_SET4(value) _mm_set1_ps(value)
 #define HYI_ADD4(a, b) _mm_add_ps(a, b)
 #define HYI_SUB4(a, b) _mm_sub_ps(a, b)
 #define HYI_MUL4(a, b) _mm_mul_ps(a, b)
 #define HYI_DIV4(a, b) _mm_div_ps(a, b)
+#define HYI_MAX4(a, b) _mm_max_ps(a, b)
+#define HYI_LE4(a, b) _mm_cmple_ps(a, b)
+#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
+#define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
+#define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+#define HYI_M4 __m128
+#define HYI_LOAD4_ALIGNED(p) _mm_load_ps(p)
 #define HYI_MAD4(a, b, c) _mm_add_ps(_mm_mul_ps(a, b), c)
 #define HYI_MIN4(a, b) _mm_min_ps(a, b)
-#define HYI_MAX4(a, b) _mm_max_ps(a, b)
-#define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_MAX4_AS_INTS(a, b) _mm_castsi128_ps(_mm_max_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
 #define HYI_MIN4_AS_INTS(a, b) _mm_castsi128_ps(_mm_min_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
 #define HYI_LT4(a, b) _mm_cmplt_ps(a, b)
-#define HYI_LE4(a, b) _mm_cmple_ps(a, b)
 #define HYI_AND4(a, b) _mm_and_ps(a, b)
 #define HYI_OR4(a, b) _mm_or_ps(a, b)
 #define HYI_CHOOSE4(m, a, b) _mm_blendv_ps(b, a, m)
@@ -13602,8 +13595,6 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_LT2(a, b) _mm_cmplt_pd(a, b)
 #define HYI_BITS2_2(low, high) ((uint32_t)_mm_movemask_pd(low) | (uint32_t)_mm_movemask_pd(high) << 2)
 #define HYI_PIN2(a) hyi_pin2_sse42(a)
-#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
-#define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
 /* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
    for four floats and two doubles) */
 
@@ -13886,7 +13877,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_b
     HYI_STORE4(direction, d);
     float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
     if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
-    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(1099511627776.0f))) != 15u || !bvh->rows) return false;
+    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(HYI_NEAR_BY))) != 15u || !bvh->rows) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
     HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
     return true;
@@ -14537,8 +14528,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     return true;
 }
 
+/* HYI_LANES rays as they came, in the units of a tree. */
 typedef struct HYI_I(hyi_block) {
-    HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
+    HYI_FW origin[3], direction[3], size[3]; /* size of each direction component */
     HYI_FW t_min, t_limit;
     HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
 } HYI_I(hyi_block);
@@ -14563,12 +14555,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
         block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
-        fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
+        fit &= HYI_I(hyi_within)(block->origin[a], HYI_NEAR_BY) & HYI_I(hyi_within)(block->direction[a], HYI_LONGEST);
     }
     HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
     block->y = HYI_LTW(block->size[0], block->size[1]);
     block->z = HYI_LTW(of_two, block->size[2]);
-    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
+    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(HYI_SHORTEST), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
 }
 
 /* hyi_aim_group of each lane, as a number. */
@@ -14841,32 +14833,24 @@ typedef struct HYI_I(hyi_finds) {
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
 } HYI_I(hyi_finds);
 
-/* Rays of a packet find few triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+/* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
+   in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, HYI_FW rows[9]) {
     HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    while (left) {
-        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        finds->lanes[k] = HYI_BITSW(same);
-        finds->leaf[k] = packet->leaf.word[lane];
-        finds->triangle[k] = packet->triangle.word[lane];
-        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
-        left &= ~finds->lanes[k];
-    }
-}
-
-/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
-                                                   const uint32_t axis[3], HYI_FW rows[9]) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
-    for (uint32_t f = 0; f < finds->count; f++) {
-        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
-        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
+        uint32_t count = hyi_leaf_count(leaf);
         for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = leaf;
+        finds->triangle[k] = triangle;
+        finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
+        left &= ~finds->lanes[k];
     }
 }
 
@@ -14892,9 +14876,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     HYI_I(hyi_corner_all) corners[3];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
     if (finds->count == 0) return;
-    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
@@ -15744,7 +15727,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_b
     HYI_STORE4(direction, d);
     float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
     if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
-    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(1099511627776.0f))) != 15u || !bvh->rows) return false;
+    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(HYI_NEAR_BY))) != 15u || !bvh->rows) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
     HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
     return true;
@@ -16395,8 +16378,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     return true;
 }
 
+/* HYI_LANES rays as they came, in the units of a tree. */
 typedef struct HYI_I(hyi_block) {
-    HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
+    HYI_FW origin[3], direction[3], size[3]; /* size of each direction component */
     HYI_FW t_min, t_limit;
     HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
 } HYI_I(hyi_block);
@@ -16421,12 +16405,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
         block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
-        fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
+        fit &= HYI_I(hyi_within)(block->origin[a], HYI_NEAR_BY) & HYI_I(hyi_within)(block->direction[a], HYI_LONGEST);
     }
     HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
     block->y = HYI_LTW(block->size[0], block->size[1]);
     block->z = HYI_LTW(of_two, block->size[2]);
-    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
+    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(HYI_SHORTEST), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
 }
 
 /* hyi_aim_group of each lane, as a number. */
@@ -16699,32 +16683,24 @@ typedef struct HYI_I(hyi_finds) {
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
 } HYI_I(hyi_finds);
 
-/* Rays of a packet find few triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+/* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
+   in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, HYI_FW rows[9]) {
     HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    while (left) {
-        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        finds->lanes[k] = HYI_BITSW(same);
-        finds->leaf[k] = packet->leaf.word[lane];
-        finds->triangle[k] = packet->triangle.word[lane];
-        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
-        left &= ~finds->lanes[k];
-    }
-}
-
-/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
-                                                   const uint32_t axis[3], HYI_FW rows[9]) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
-    for (uint32_t f = 0; f < finds->count; f++) {
-        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
-        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
+        uint32_t count = hyi_leaf_count(leaf);
         for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = leaf;
+        finds->triangle[k] = triangle;
+        finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
+        left &= ~finds->lanes[k];
     }
 }
 
@@ -16750,9 +16726,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     HYI_I(hyi_corner_all) corners[3];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
     if (finds->count == 0) return;
-    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;

@@ -56,7 +56,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_b
     HYI_STORE4(direction, d);
     float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
     if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
-    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(1099511627776.0f))) != 15u || !bvh->rows) return false;
+    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(HYI_NEAR_BY))) != 15u || !bvh->rows) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
     HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
     return true;

@@ -39,8 +39,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     return true;
 }
 
+/* HYI_LANES rays as they came, in the units of a tree. */
 typedef struct HYI_I(hyi_block) {
-    HYI_FW origin[3], direction[3], size[3]; /* in the units of the tree; size of each direction component */
+    HYI_FW origin[3], direction[3], size[3]; /* size of each direction component */
     HYI_FW t_min, t_limit;
     HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
 } HYI_I(hyi_block);
@@ -65,12 +66,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
         block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
-        fit &= HYI_I(hyi_within)(block->origin[a], 1099511627776.0f) & HYI_I(hyi_within)(block->direction[a], 1073741824.0f);
+        fit &= HYI_I(hyi_within)(block->origin[a], HYI_NEAR_BY) & HYI_I(hyi_within)(block->direction[a], HYI_LONGEST);
     }
     HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
     block->y = HYI_LTW(block->size[0], block->size[1]);
     block->z = HYI_LTW(of_two, block->size[2]);
-    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(9.31322574615478515625e-10f), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
+    return (fit & HYI_BITSW(HYI_LEW(HYI_SETW(HYI_SHORTEST), HYI_MAXW(of_two, block->size[2])))) == HYI_ALLW;
 }
 
 /* hyi_aim_group of each lane, as a number. */

@@ -195,19 +195,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_MAXD(a, b) _mm512_max_pd(a, b)
 #define HYI_LTD(a, b) hyi_bits8_avx512(_mm512_cmp_pd_mask(a, b, _CMP_LT_OQ))
 #define HYI_PIND(a) hyi_pin_double_avx512(a)
-#define HYI_F4 __m128
-#define HYI_LOAD4(p) _mm_loadu_ps(p)
-#define HYI_STORE4(p, a) _mm_storeu_ps(p, a)
-#define HYI_SET4(value) _mm_set1_ps(value)
-#define HYI_ADD4(a, b) _mm_add_ps(a, b)
-#define HYI_SUB4(a, b) _mm_sub_ps(a, b)
-#define HYI_MUL4(a, b) _mm_mul_ps(a, b)
-#define HYI_DIV4(a, b) _mm_div_ps(a, b)
-#define HYI_MAX4(a, b) _mm_max_ps(a, b)
-#define HYI_LE4(a, b) _mm_cmple_ps(a, b)
-#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
-#define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
-#define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+#include "lanes_four.inc.h"
 #include "aim_body.inc.h"
 #include "walk_body.inc.h"
 #include "packet_body.inc.h"

@@ -32,24 +32,14 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 
 #define HYI_TARGET HYI_SSE42
 #define HYI_I(name) name##_sse42
-#define HYI_F4 __m128
+#include "lanes_four.inc.h"
 #define HYI_M4 __m128
-#define HYI_LOAD4(p) _mm_loadu_ps(p)
 #define HYI_LOAD4_ALIGNED(p) _mm_load_ps(p)
-#define HYI_STORE4(p, a) _mm_storeu_ps(p, a)
-#define HYI_SET4(value) _mm_set1_ps(value)
-#define HYI_ADD4(a, b) _mm_add_ps(a, b)
-#define HYI_SUB4(a, b) _mm_sub_ps(a, b)
-#define HYI_MUL4(a, b) _mm_mul_ps(a, b)
-#define HYI_DIV4(a, b) _mm_div_ps(a, b)
 #define HYI_MAD4(a, b, c) _mm_add_ps(_mm_mul_ps(a, b), c)
 #define HYI_MIN4(a, b) _mm_min_ps(a, b)
-#define HYI_MAX4(a, b) _mm_max_ps(a, b)
-#define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_MAX4_AS_INTS(a, b) _mm_castsi128_ps(_mm_max_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
 #define HYI_MIN4_AS_INTS(a, b) _mm_castsi128_ps(_mm_min_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
 #define HYI_LT4(a, b) _mm_cmplt_ps(a, b)
-#define HYI_LE4(a, b) _mm_cmple_ps(a, b)
 #define HYI_AND4(a, b) _mm_and_ps(a, b)
 #define HYI_OR4(a, b) _mm_or_ps(a, b)
 #define HYI_CHOOSE4(m, a, b) _mm_blendv_ps(b, a, m)
@@ -74,8 +64,6 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_LT2(a, b) _mm_cmplt_pd(a, b)
 #define HYI_BITS2_2(low, high) ((uint32_t)_mm_movemask_pd(low) | (uint32_t)_mm_movemask_pd(high) << 2)
 #define HYI_PIN2(a) hyi_pin2_sse42(a)
-#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
-#define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
 #include "lanes_pair.inc.h"
 #include "aim_body.inc.h"
 #include "walk_body.inc.h"

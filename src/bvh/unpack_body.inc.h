@@ -8,32 +8,24 @@ typedef struct HYI_I(hyi_finds) {
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
 } HYI_I(hyi_finds);
 
-/* Rays of a packet find few triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_count_finds)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+/* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
+   in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, HYI_FW rows[9]) {
     HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    while (left) {
-        uint32_t lane = hyi_lowest_bit(left), k = finds->count++;
-        HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
-        finds->lanes[k] = HYI_BITSW(same);
-        finds->leaf[k] = packet->leaf.word[lane];
-        finds->triangle[k] = packet->triangle.word[lane];
-        finds->primitive[k] = swarm->site.bvh->ids[hyi_leaf_first(finds->leaf[k]) + finds->triangle[k]];
-        left &= ~finds->lanes[k];
-    }
-}
-
-/* Coordinates of the triangle that each lane has found: corner k in rows 3 k and on, in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
-                                                   const uint32_t axis[3], HYI_FW rows[9]) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
-    for (uint32_t f = 0; f < finds->count; f++) {
-        const float *row = hyi_leaf_rows(bvh, finds->leaf[f]) + finds->triangle[f];
-        uint32_t count = hyi_leaf_count(finds->leaf[f]), lane = hyi_lowest_bit(finds->lanes[f]);
+    while (left) {
+        uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
+        const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
+        uint32_t count = hyi_leaf_count(leaf);
         for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+        finds->lanes[k] = HYI_BITSW(same);
+        finds->leaf[k] = leaf;
+        finds->triangle[k] = triangle;
+        finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
+        left &= ~finds->lanes[k];
     }
 }
 
@@ -59,9 +51,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     HYI_I(hyi_corner_all) corners[3];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_count_finds)(swarm, packet, finds);
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
     if (finds->count == 0) return;
-    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, finds, axis, rows);
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
