@@ -5598,6 +5598,9 @@ HYI_INLINE double hyi_box_area(const hyi_box *box) {
     return x < 0.0 ? 0.0 : x * y + y * z + z * x;
 }
 
+/* Eight planes of a node by the place of the first, which is a row's number times HYI_WIDTH. */
+HYI_INLINE const float *hyi_planes_at(const hyi_node *node, uint32_t place) { return (const float *)(const void *)node->planes + place; }
+
 /* ---- nodes, for whoever does not build or pass them: all that knows how they lie in memory */
 
 /* HYI_CHILD_NONE: there is no such child, nor one behind it. */
@@ -8680,14 +8683,15 @@ typedef struct hyi_aim {
     float inverse[3];                     /* of the direction; finite */
     float near_offset[3], far_offset[3];  /* of the origin moved by the error bound: slabs only get thicker */
     float t_near, t_far;
-    uint32_t near_plane[3];               /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
+    uint32_t near_plane[3];               /* where in hyi_node.planes that is which the ray meets first; the other is ^ HYI_WIDTH */
     float inverse_z;                      /* t here by distance along z */
     float least_t;                        /* no less is t of the nearest hit so far, where unit is 1 */
     float origin[3], shear[2];            /* in the order of axis */
     uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
     float direction[3];                   /* in the order of axis */
     uint32_t leaf, lane;                  /* a triangle that is certainly hit before all others so far, but not worked out yet; leaf 0: none */
-    uint32_t unused[3];                   /* fills the second cache line */
+    uint32_t exact;                       /* 1: unit is not 1, and float tells nothing of triangles */
+    uint32_t unused[2];                   /* fills the second cache line */
     double t_by_z;                        /* inverse_z unrounded */
     double unit, inverse_unit;
 } hyi_aim;
@@ -8724,12 +8728,14 @@ HYI_FN bool hyi_scale_ray(hyi_aim *aim, float scale, const float *origin, const 
     if (!(largest > 0.0f && largest <= FLT_MAX)) return false;
     double factor = (double)scale, size = (double)largest * factor;
     aim->unit = aim->inverse_unit = 1.0;
+    aim->exact = 0;
     if (size < (double)HYI_SHORTEST || size > (double)HYI_LONGEST) {
         int exponent;
         (void)frexp(size, &exponent);
         aim->unit = ldexp(1.0, -exponent);
         aim->inverse_unit = ldexp(1.0, exponent);
         factor *= aim->unit;
+        aim->exact = 1;
     }
     for (int a = 0; a < 3; a++) d[a] = (float)((double)direction[a] * factor);
     return true;
@@ -8764,7 +8770,7 @@ HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, cons
         aim->inverse[a] = 1.0f / steady;
         aim->near_offset[a] = -(falls ? o[a] - bound : o[a] + bound) * aim->inverse[a];
         aim->far_offset[a] = -(falls ? o[a] + bound : o[a] - bound) * aim->inverse[a];
-        aim->near_plane[a] = 2u * (uint32_t)a + (falls ? 1u : 0u);
+        aim->near_plane[a] = HYI_WIDTH * (2u * (uint32_t)a + (falls ? 1u : 0u));
     }
 }
 
@@ -9056,14 +9062,14 @@ HYI_NOINLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t l
 }
 
 /* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
-   and else decides. Most hits are so never worked out: one nearer comes. */
-HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most) {
+   and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
+HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
     if (most >= flight->aim.least_t) return hyi_offer(site, flight, leaf, lane);
     flight->aim.leaf = leaf;
     flight->aim.lane = lane;
     flight->aim.least_t = least;
-    flight->best.instance = site->instance;
-    hyi_aim_limit(&flight->aim, most);
+    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
+    if (any) flight->best.instance = site->instance;
     return true;
 }
 
@@ -9361,6 +9367,10 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
+/* Whether so many rays of a packet meet a leaf of so many triangles sooner one by one: each then meets all of them at once, which
+   takes a third longer than it takes all rays to meet one. */
+#define HYI_SOONER_EACH(rays, triangles) (4u * (rays) <= 3u * (triangles))
+
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
 #define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 
@@ -9449,7 +9459,7 @@ typedef union hyi_masks8 {
 } hyi_masks8;
 
 HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
-    return (aim->near_plane[0] & 1u) | (aim->near_plane[1] & 1u) << 1 | (aim->near_plane[2] & 1u) << 2 | aim->axis[2] << 3;
+    return (aim->near_plane[0] >> 3 & 1u) | (aim->near_plane[1] >> 2 & 2u) | (aim->near_plane[2] >> 1 & 4u) | aim->axis[2] << 3;
 }
 
 /* hyi_aim.axis of the rays of a group. */
@@ -9462,7 +9472,7 @@ HYI_INLINE void hyi_group_axes(uint32_t group, uint32_t axis[3]) {
 
 /* What rays of a group have in common. */
 HYI_INLINE void hyi_set_group(hyi_swarm *swarm, uint32_t group) {
-    for (uint32_t a = 0; a < 3; a++) swarm->near_plane[a] = 2u * a + (group >> a & 1u);
+    for (uint32_t a = 0; a < 3; a++) swarm->near_plane[a] = HYI_WIDTH * (2u * a + (group >> a & 1u));
     hyi_group_axes(group, swarm->axis);
 }
 
@@ -9489,6 +9499,9 @@ HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
 #endif
 }
 
+/* Of the lanes of a vector. */
+HYI_INLINE uint32_t hyi_count_lanes(uint32_t bits) { return hyi_count_bits(bits & 0xffu) + hyi_count_bits(bits >> 8); }
+
 /* What a child will read first. */
 HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
     const char *at = hyi_child_is_leaf(child) ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
@@ -9496,19 +9509,6 @@ HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
 }
 
 /* ---- beginning */
-
-#define HYI_SETTLE_AHEAD 8u /* flights whose triangles are asked for meanwhile */
-
-/* The first count flights. Where one has nothing to settle, the first leaf is asked for: a branch would cost more. */
-HYI_FN void hyi_settle_all(const hyi_site *site, hyi_flight *flights, uint32_t count) {
-    for (uint32_t i = 0; i < count; i++) {
-        const hyi_flight *later = &flights[i + HYI_SETTLE_AHEAD < count ? i + HYI_SETTLE_AHEAD : i];
-        const char *rows = (const char *)hyi_leaf_rows(site->bvh, later->aim.leaf);
-        for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(rows + 64u * line);
-        hyi_prefetch(&site->bvh->ids[hyi_leaf_first(later->aim.leaf)]);
-        hyi_settle(site, &flights[i]);
-    }
-}
 
 /* Of flights side by side, keeps those whose bits are set; returns how many these are. */
 HYI_INLINE uint32_t hyi_keep_flights(hyi_flight *flights, uint32_t bits) {
@@ -9657,8 +9657,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
     HYI_F8 near_planes[3], far_planes[3], t;
     for (int a = 0; a < 3; a++) {
-        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
-        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+        near_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a]));
+        far_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a] ^ HYI_WIDTH));
     }
     uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
@@ -9670,7 +9670,28 @@ typedef struct HYI_I(hyi_corners) {
     HYI_F8 x, y, z;
 } HYI_I(hyi_corners);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+/* What triangles need of one ray: see hyi_aim. */
+typedef struct HYI_I(hyi_sight) {
+    float origin[3], shear[2], inverse_z, along_z, t_near, t_far;
+    uint32_t axis[3];
+} HYI_I(hyi_sight);
+
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = aim->origin[i];
+        sight.axis[i] = aim->axis[i];
+    }
+    sight.shear[0] = aim->shear[0];
+    sight.shear[1] = aim->shear[1];
+    sight.inverse_z = aim->inverse_z;
+    sight.along_z = fabsf(aim->direction[2]);
+    sight.t_near = aim->t_near;
+    sight.t_far = aim->t_far;
+    return sight;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
     p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
     HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
@@ -9698,10 +9719,10 @@ typedef struct HYI_I(hyi_verdicts) {
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -9720,7 +9741,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
@@ -9739,13 +9760,14 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_ai
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts.certain >> lane & 1u) {
             if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -9757,7 +9779,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
@@ -10250,12 +10273,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
     aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
     aim->axis[2] = z;
     for (uint32_t a = 0; a < 3; a++) {
-        aim->near_plane[a] = 2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u);
+        aim->near_plane[a] = HYI_WIDTH * (2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u));
         aim->origin[a] = origin[aim->axis[a]];
         aim->direction[a] = direction[aim->axis[a]];
     }
     hyi_aim_along(aim);
     aim->unit = aim->inverse_unit = 1.0;
+    aim->exact = 0;
 }
 
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
@@ -10305,8 +10329,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
     HYI_F8 near_planes[3], far_planes[3], t;
     for (int a = 0; a < 3; a++) {
-        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
-        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+        near_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a]));
+        far_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a] ^ HYI_WIDTH));
     }
     uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
@@ -10318,7 +10342,28 @@ typedef struct HYI_I(hyi_corners) {
     HYI_F8 x, y, z;
 } HYI_I(hyi_corners);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+/* What triangles need of one ray: see hyi_aim. */
+typedef struct HYI_I(hyi_sight) {
+    float origin[3], shear[2], inverse_z, along_z, t_near, t_far;
+    uint32_t axis[3];
+} HYI_I(hyi_sight);
+
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = aim->origin[i];
+        sight.axis[i] = aim->axis[i];
+    }
+    sight.shear[0] = aim->shear[0];
+    sight.shear[1] = aim->shear[1];
+    sight.inverse_z = aim->inverse_z;
+    sight.along_z = fabsf(aim->direction[2]);
+    sight.t_near = aim->t_near;
+    sight.t_far = aim->t_far;
+    return sight;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
     p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
     HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
@@ -10346,10 +10391,10 @@ typedef struct HYI_I(hyi_verdicts) {
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -10368,7 +10413,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
@@ -10387,13 +10432,14 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_ai
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts.certain >> lane & 1u) {
             if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -10405,7 +10451,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
@@ -10514,8 +10561,8 @@ typedef struct HYI_I(hyi_planes) {
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_order_planes)(const hyi_node *node, const uint32_t near_plane[3], HYI_I(hyi_planes) *planes) {
     for (int a = 0; a < 3; a++) {
-        planes->near_planes[a] = HYI_LOAD8(node->planes[near_plane[a]]);
-        planes->far_planes[a] = HYI_LOAD8(node->planes[near_plane[a] ^ 1u]);
+        planes->near_planes[a] = HYI_LOAD8(hyi_planes_at(node, near_plane[a]));
+        planes->far_planes[a] = HYI_LOAD8(hyi_planes_at(node, near_plane[a] ^ HYI_WIDTH));
     }
 }
 
@@ -10533,17 +10580,17 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, cons
     return HYI_LE8(first, last);
 }
 
-/* Whether any ray of a packet meets the box of child c. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
+/* Bits of the rays of a packet that meet the box of child c. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
     HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
     for (int k = 0; k < 3; k++) {
         uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
-        float slack = (near_row & 1u) ? p->bound[a] : -p->bound[a];
+        float slack = (near_row & HYI_WIDTH) ? p->bound[a] : -p->bound[a];
         HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
-        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row][c] + slack), origin), inverse));
-        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row ^ 1u][c] - slack), origin), inverse));
+        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row)[c] + slack), origin), inverse));
+        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row ^ HYI_WIDTH)[c] - slack), origin), inverse));
     }
-    return HYI_BITSW(HYI_LEW(first, last)) != 0u;
+    return HYI_BITSW(HYI_LEW(first, last));
 }
 
 /* Of the children in mask, those whose box some ray of a packet meets. */
@@ -10850,20 +10897,82 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, cons
     return ~HYI_BITS8(beside) & ((1u << count) - 1u);
 }
 
+/* A ray of a packet as leaves see it. */
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of_lane)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t lane) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = packet->origin[i][lane];
+        sight.axis[i] = swarm->axis[i];
+    }
+    sight.shear[0] = packet->shear[0][lane];
+    sight.shear[1] = packet->shear[1][lane];
+    sight.inverse_z = packet->inverse_z[lane];
+    sight.along_z = fabsf(packet->direction[2][lane]);
+    sight.t_near = packet->t_near[lane];
+    sight.t_far = packet->t_far[lane];
+    return sight;
+}
+
+/* hyi_expect for one ray of a packet; returns whether the triangle is certainly nearer than all before. */
+HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t leaf, uint32_t triangle, float least, float most, bool any) {
+    if (any && most < packet->best_t[lane]) HYI_I(hyi_stop_rays)(swarm, packet, 1u << lane);
+    if (any) return most < packet->best_t[lane];
+    if (most >= packet->least_t[lane]) return false;
+    packet->t_far[lane] = most + 4.0f * HYI_ULP * fabsf(most);
+    packet->least_t[lane] = least;
+    packet->leaf.word[lane] = leaf;
+    packet->triangle.word[lane] = triangle;
+    packet->waiting |= 1u << lane;
+    return true;
+}
+
+/* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
+    bool found = false;
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t triangle = hyi_lowest_bit(mask);
+        bool certain = (verdicts.certain >> triangle & 1u) != 0u;
+        if (certain && verdicts.least[triangle] > packet->t_far[lane]) continue;
+        if (certain && HYI_I(hyi_expect_lane)(swarm, packet, lane, leaf, triangle, verdicts.least[triangle], verdicts.most[triangle], any)) {
+            found = true;
+        } else if (HYI_I(hyi_new_to_rays)(swarm, packet, leaf, triangle, 1u << lane)) {
+            HYI_I(hyi_settle_rays)(swarm, packet, 1u << lane);
+            found = HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, 1u << lane) || found;
+        }
+        if (found && any) break;
+    }
+    return found;
+}
+
+/* A leaf's triangles, one after the other, to all rays of a packet; returns whether there was a hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, bool any) {
+    uint32_t triangles = hyi_leaf_count(leaf);
+    uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
+    bool found = false;
+    for (; some; some &= some - 1u) {
+        uint32_t t = hyi_lowest_bit(some);
+        HYI_I(hyi_meeting) m;
+        HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
+        if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
+    }
+    return found;
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
-    uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
         bool found = false;
-        if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
-        uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
-        for (; some; some &= some - 1u) {
-            uint32_t t = hyi_lowest_bit(some);
-            HYI_I(hyi_meeting) m;
-            HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
-            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
+        if (packet->last_t < packet->first_t) continue;
+        uint32_t mask = node ? HYI_I(hyi_meet_box_each)(swarm, packet, node, c) : HYI_ALLW;
+        if (!mask) continue;
+        if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
+            for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
+        } else {
+            found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
@@ -11047,7 +11156,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW gro
         float one = group[hyi_lowest_bit(left)];
         HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
         some = HYI_BITSW(live);
-        bool enough = hyi_count_bits(some & 0xffu) + hyi_count_bits(some >> 8) >= HYI_PACKET_LEAST;
+        bool enough = hyi_count_lanes(some) >= HYI_PACKET_LEAST;
         if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
         else rest |= some;
     }
@@ -11086,7 +11195,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
         const hyi_aim *aim = &flight->aim;
-        if (aim->unit != 1.0) return false;
+        if (aim->exact) return false;
         for (int a = 0; a < 3; a++) {
             o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
             packet->direction[a][i] = aim->direction[a];
@@ -11147,7 +11256,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
 HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, float plane[3][HYI_PACKET_WIDTH], float axis[3][HYI_PACKET_WIDTH]) {
     const HYI_FW axes[3] = {HYI_I(hyi_whole)(0), HYI_I(hyi_whole)(1), HYI_I(hyi_whole)(2)};
     for (uint32_t a = 0; a < 3; a++) {
-        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(2u * a + 1u), HYI_I(hyi_whole)(2u * a)));
+        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(HYI_WIDTH * (2u * a + 1u)), HYI_I(hyi_whole)(HYI_WIDTH * 2u * a)));
         HYI_STOREW(axis[a], HYI_I(hyi_turn)(block, axes, a));
     }
 }
@@ -11283,6 +11392,87 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     }
 }
 
+/* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
+typedef struct HYI_I(hyi_put_off) {
+    hyi_flight *flights[HYI_PACKET_WIDTH];
+    uint32_t count;
+} HYI_I(hyi_put_off);
+
+/* What hyi_confirm needs of a flight, into a lane of a packet, and of its triangle: the coordinates of corner k in rows 3 k and on,
+   in the order of axis. */
+HYI_INLINE void HYI_I(hyi_lay_flight)(const hyi_bvh *bvh, const hyi_flight *flight, hyi_packet *packet, float rows[9][HYI_PACKET_WIDTH], uint32_t lane) {
+    const hyi_aim *aim = &flight->aim;
+    const float *row = hyi_leaf_rows(bvh, aim->leaf) + aim->lane;
+    uint32_t count = hyi_leaf_count(aim->leaf);
+    for (uint32_t i = 0; i < 3u; i++) {
+        const float *at = row + aim->axis[i] * count;
+        packet->origin[i][lane] = aim->origin[i];
+        packet->direction[i][lane] = aim->direction[i];
+        rows[i][lane] = at[0];
+        rows[i + 3u][lane] = at[3u * count];
+        rows[i + 6u][lane] = at[6u * count];
+    }
+    packet->shear[0][lane] = aim->shear[0];
+    packet->shear[1][lane] = aim->shear[1];
+    packet->t_by_z[lane] = aim->t_by_z;
+}
+
+/* Takes a hit that has been worked out if it is the best: hyi_decide. */
+HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *flight, float t, float u, float v) {
+    uint32_t leaf = flight->aim.leaf, primitive = site->bvh->ids[hyi_leaf_first(leaf) + flight->aim.lane];
+    flight->aim.leaf = 0;
+    if (!(t >= flight->t_min && t <= flight->best.t) || !hyi_beats(&flight->best, t, site->instance, primitive)) return;
+    flight->best.t = t;
+    flight->best.u = u;
+    flight->best.v = v;
+    flight->best.instance = site->instance;
+    flight->best.primitive = primitive;
+    flight->best.leaf = leaf;
+    flight->best.lane = flight->aim.lane;
+}
+
+/* hyi_settle of all. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
+    float rows[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
+    HYI_FW corner_rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    hyi_packet packet;
+    for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, rows, i);
+    for (int i = 0; i < 9; i++) corner_rows[i] = HYI_LOADW(rows[i]);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(&packet, corner_rows[3 * k], corner_rows[3 * k + 1], corner_rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(corner_rows, half, &plane);
+        HYI_I(hyi_confirm_half)(&packet, corners, &plane, half, &outcome);
+        HYI_STOREH(t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, u, v);
+    }
+    for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+}
+
+/* Works out what the first count flights have put off, as many at a time as there are lanes, while the triangles of as many more
+   are asked for. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_all)(const hyi_site *site, hyi_flight *flights, uint32_t count) {
+    HYI_I(hyi_put_off) some[2];
+    uint32_t side = 0;
+    some[0].count = some[1].count = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t leaf = flights[i].aim.leaf;
+        const char *rows = (const char *)hyi_leaf_rows(site->bvh, leaf);
+        for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(rows + 64u * line);
+        hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+        some[side].flights[some[side].count] = &flights[i];
+        some[side].count += leaf ? 1u : 0u;
+        if (some[side].count < HYI_LANES) continue;
+        side ^= 1u;
+        if (some[side].count) HYI_I(hyi_settle_lanes)(site, &some[side]);
+        some[side].count = 0;
+    }
+    for (uint32_t k = 0; k < 2u; k++)
+        if (some[k].count) HYI_I(hyi_settle_lanes)(site, &some[k]);
+}
+
 /* ---- answers */
 
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
@@ -11378,9 +11568,9 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     for (uint32_t i = 0; i < count; i++) {
         uint32_t ray = list[i];
         const hyi_aim *aim = &swarm->flights[ray].aim;
-        float tx = node->planes[aim->near_plane[0]][c] * aim->inverse[0] + aim->near_offset[0];
-        float ty = node->planes[aim->near_plane[1]][c] * aim->inverse[1] + aim->near_offset[1];
-        float tz = node->planes[aim->near_plane[2]][c] * aim->inverse[2] + aim->near_offset[2];
+        float tx = hyi_planes_at(node, aim->near_plane[0])[c] * aim->inverse[0] + aim->near_offset[0];
+        float ty = hyi_planes_at(node, aim->near_plane[1])[c] * aim->inverse[1] + aim->near_offset[1];
+        float tz = hyi_planes_at(node, aim->near_plane[2])[c] * aim->inverse[2] + aim->near_offset[2];
         float enter = tx > ty ? tx : ty;
         enter = tz > enter ? tz : enter;
         list[kept] = ray;
@@ -11614,7 +11804,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
     if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
-    if (!any && site->bvh->rows) hyi_settle_all(site, swarm.flights, count);
+    if (!any && site->bvh->rows) HYI_I(hyi_settle_all)(site, swarm.flights, count);
 }
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
@@ -12005,12 +12195,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
     aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
     aim->axis[2] = z;
     for (uint32_t a = 0; a < 3; a++) {
-        aim->near_plane[a] = 2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u);
+        aim->near_plane[a] = HYI_WIDTH * (2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u));
         aim->origin[a] = origin[aim->axis[a]];
         aim->direction[a] = direction[aim->axis[a]];
     }
     hyi_aim_along(aim);
     aim->unit = aim->inverse_unit = 1.0;
+    aim->exact = 0;
 }
 
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
@@ -12060,8 +12251,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
     HYI_F8 near_planes[3], far_planes[3], t;
     for (int a = 0; a < 3; a++) {
-        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
-        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+        near_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a]));
+        far_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a] ^ HYI_WIDTH));
     }
     uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
@@ -12073,7 +12264,28 @@ typedef struct HYI_I(hyi_corners) {
     HYI_F8 x, y, z;
 } HYI_I(hyi_corners);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+/* What triangles need of one ray: see hyi_aim. */
+typedef struct HYI_I(hyi_sight) {
+    float origin[3], shear[2], inverse_z, along_z, t_near, t_far;
+    uint32_t axis[3];
+} HYI_I(hyi_sight);
+
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = aim->origin[i];
+        sight.axis[i] = aim->axis[i];
+    }
+    sight.shear[0] = aim->shear[0];
+    sight.shear[1] = aim->shear[1];
+    sight.inverse_z = aim->inverse_z;
+    sight.along_z = fabsf(aim->direction[2]);
+    sight.t_near = aim->t_near;
+    sight.t_far = aim->t_far;
+    return sight;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
     p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
     HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
@@ -12101,10 +12313,10 @@ typedef struct HYI_I(hyi_verdicts) {
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -12123,7 +12335,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
@@ -12142,13 +12354,14 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_ai
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts.certain >> lane & 1u) {
             if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -12160,7 +12373,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
@@ -12269,8 +12483,8 @@ typedef struct HYI_I(hyi_planes) {
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_order_planes)(const hyi_node *node, const uint32_t near_plane[3], HYI_I(hyi_planes) *planes) {
     for (int a = 0; a < 3; a++) {
-        planes->near_planes[a] = HYI_LOAD8(node->planes[near_plane[a]]);
-        planes->far_planes[a] = HYI_LOAD8(node->planes[near_plane[a] ^ 1u]);
+        planes->near_planes[a] = HYI_LOAD8(hyi_planes_at(node, near_plane[a]));
+        planes->far_planes[a] = HYI_LOAD8(hyi_planes_at(node, near_plane[a] ^ HYI_WIDTH));
     }
 }
 
@@ -12288,17 +12502,17 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, cons
     return HYI_LE8(first, last);
 }
 
-/* Whether any ray of a packet meets the box of child c. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
+/* Bits of the rays of a packet that meet the box of child c. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
     HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
     for (int k = 0; k < 3; k++) {
         uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
-        float slack = (near_row & 1u) ? p->bound[a] : -p->bound[a];
+        float slack = (near_row & HYI_WIDTH) ? p->bound[a] : -p->bound[a];
         HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
-        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row][c] + slack), origin), inverse));
-        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row ^ 1u][c] - slack), origin), inverse));
+        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row)[c] + slack), origin), inverse));
+        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row ^ HYI_WIDTH)[c] - slack), origin), inverse));
     }
-    return HYI_BITSW(HYI_LEW(first, last)) != 0u;
+    return HYI_BITSW(HYI_LEW(first, last));
 }
 
 /* Of the children in mask, those whose box some ray of a packet meets. */
@@ -12605,20 +12819,82 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, cons
     return ~HYI_BITS8(beside) & ((1u << count) - 1u);
 }
 
+/* A ray of a packet as leaves see it. */
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of_lane)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t lane) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = packet->origin[i][lane];
+        sight.axis[i] = swarm->axis[i];
+    }
+    sight.shear[0] = packet->shear[0][lane];
+    sight.shear[1] = packet->shear[1][lane];
+    sight.inverse_z = packet->inverse_z[lane];
+    sight.along_z = fabsf(packet->direction[2][lane]);
+    sight.t_near = packet->t_near[lane];
+    sight.t_far = packet->t_far[lane];
+    return sight;
+}
+
+/* hyi_expect for one ray of a packet; returns whether the triangle is certainly nearer than all before. */
+HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t leaf, uint32_t triangle, float least, float most, bool any) {
+    if (any && most < packet->best_t[lane]) HYI_I(hyi_stop_rays)(swarm, packet, 1u << lane);
+    if (any) return most < packet->best_t[lane];
+    if (most >= packet->least_t[lane]) return false;
+    packet->t_far[lane] = most + 4.0f * HYI_ULP * fabsf(most);
+    packet->least_t[lane] = least;
+    packet->leaf.word[lane] = leaf;
+    packet->triangle.word[lane] = triangle;
+    packet->waiting |= 1u << lane;
+    return true;
+}
+
+/* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
+    bool found = false;
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t triangle = hyi_lowest_bit(mask);
+        bool certain = (verdicts.certain >> triangle & 1u) != 0u;
+        if (certain && verdicts.least[triangle] > packet->t_far[lane]) continue;
+        if (certain && HYI_I(hyi_expect_lane)(swarm, packet, lane, leaf, triangle, verdicts.least[triangle], verdicts.most[triangle], any)) {
+            found = true;
+        } else if (HYI_I(hyi_new_to_rays)(swarm, packet, leaf, triangle, 1u << lane)) {
+            HYI_I(hyi_settle_rays)(swarm, packet, 1u << lane);
+            found = HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, 1u << lane) || found;
+        }
+        if (found && any) break;
+    }
+    return found;
+}
+
+/* A leaf's triangles, one after the other, to all rays of a packet; returns whether there was a hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, bool any) {
+    uint32_t triangles = hyi_leaf_count(leaf);
+    uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
+    bool found = false;
+    for (; some; some &= some - 1u) {
+        uint32_t t = hyi_lowest_bit(some);
+        HYI_I(hyi_meeting) m;
+        HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
+        if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
+    }
+    return found;
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
-    uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
         bool found = false;
-        if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
-        uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
-        for (; some; some &= some - 1u) {
-            uint32_t t = hyi_lowest_bit(some);
-            HYI_I(hyi_meeting) m;
-            HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
-            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
+        if (packet->last_t < packet->first_t) continue;
+        uint32_t mask = node ? HYI_I(hyi_meet_box_each)(swarm, packet, node, c) : HYI_ALLW;
+        if (!mask) continue;
+        if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
+            for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
+        } else {
+            found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
@@ -12802,7 +13078,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW gro
         float one = group[hyi_lowest_bit(left)];
         HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
         some = HYI_BITSW(live);
-        bool enough = hyi_count_bits(some & 0xffu) + hyi_count_bits(some >> 8) >= HYI_PACKET_LEAST;
+        bool enough = hyi_count_lanes(some) >= HYI_PACKET_LEAST;
         if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
         else rest |= some;
     }
@@ -12841,7 +13117,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
         const hyi_aim *aim = &flight->aim;
-        if (aim->unit != 1.0) return false;
+        if (aim->exact) return false;
         for (int a = 0; a < 3; a++) {
             o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
             packet->direction[a][i] = aim->direction[a];
@@ -12902,7 +13178,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
 HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, float plane[3][HYI_PACKET_WIDTH], float axis[3][HYI_PACKET_WIDTH]) {
     const HYI_FW axes[3] = {HYI_I(hyi_whole)(0), HYI_I(hyi_whole)(1), HYI_I(hyi_whole)(2)};
     for (uint32_t a = 0; a < 3; a++) {
-        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(2u * a + 1u), HYI_I(hyi_whole)(2u * a)));
+        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(HYI_WIDTH * (2u * a + 1u)), HYI_I(hyi_whole)(HYI_WIDTH * 2u * a)));
         HYI_STOREW(axis[a], HYI_I(hyi_turn)(block, axes, a));
     }
 }
@@ -13038,6 +13314,87 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     }
 }
 
+/* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
+typedef struct HYI_I(hyi_put_off) {
+    hyi_flight *flights[HYI_PACKET_WIDTH];
+    uint32_t count;
+} HYI_I(hyi_put_off);
+
+/* What hyi_confirm needs of a flight, into a lane of a packet, and of its triangle: the coordinates of corner k in rows 3 k and on,
+   in the order of axis. */
+HYI_INLINE void HYI_I(hyi_lay_flight)(const hyi_bvh *bvh, const hyi_flight *flight, hyi_packet *packet, float rows[9][HYI_PACKET_WIDTH], uint32_t lane) {
+    const hyi_aim *aim = &flight->aim;
+    const float *row = hyi_leaf_rows(bvh, aim->leaf) + aim->lane;
+    uint32_t count = hyi_leaf_count(aim->leaf);
+    for (uint32_t i = 0; i < 3u; i++) {
+        const float *at = row + aim->axis[i] * count;
+        packet->origin[i][lane] = aim->origin[i];
+        packet->direction[i][lane] = aim->direction[i];
+        rows[i][lane] = at[0];
+        rows[i + 3u][lane] = at[3u * count];
+        rows[i + 6u][lane] = at[6u * count];
+    }
+    packet->shear[0][lane] = aim->shear[0];
+    packet->shear[1][lane] = aim->shear[1];
+    packet->t_by_z[lane] = aim->t_by_z;
+}
+
+/* Takes a hit that has been worked out if it is the best: hyi_decide. */
+HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *flight, float t, float u, float v) {
+    uint32_t leaf = flight->aim.leaf, primitive = site->bvh->ids[hyi_leaf_first(leaf) + flight->aim.lane];
+    flight->aim.leaf = 0;
+    if (!(t >= flight->t_min && t <= flight->best.t) || !hyi_beats(&flight->best, t, site->instance, primitive)) return;
+    flight->best.t = t;
+    flight->best.u = u;
+    flight->best.v = v;
+    flight->best.instance = site->instance;
+    flight->best.primitive = primitive;
+    flight->best.leaf = leaf;
+    flight->best.lane = flight->aim.lane;
+}
+
+/* hyi_settle of all. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
+    float rows[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
+    HYI_FW corner_rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    hyi_packet packet;
+    for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, rows, i);
+    for (int i = 0; i < 9; i++) corner_rows[i] = HYI_LOADW(rows[i]);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(&packet, corner_rows[3 * k], corner_rows[3 * k + 1], corner_rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(corner_rows, half, &plane);
+        HYI_I(hyi_confirm_half)(&packet, corners, &plane, half, &outcome);
+        HYI_STOREH(t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, u, v);
+    }
+    for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+}
+
+/* Works out what the first count flights have put off, as many at a time as there are lanes, while the triangles of as many more
+   are asked for. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_all)(const hyi_site *site, hyi_flight *flights, uint32_t count) {
+    HYI_I(hyi_put_off) some[2];
+    uint32_t side = 0;
+    some[0].count = some[1].count = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t leaf = flights[i].aim.leaf;
+        const char *rows = (const char *)hyi_leaf_rows(site->bvh, leaf);
+        for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(rows + 64u * line);
+        hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+        some[side].flights[some[side].count] = &flights[i];
+        some[side].count += leaf ? 1u : 0u;
+        if (some[side].count < HYI_LANES) continue;
+        side ^= 1u;
+        if (some[side].count) HYI_I(hyi_settle_lanes)(site, &some[side]);
+        some[side].count = 0;
+    }
+    for (uint32_t k = 0; k < 2u; k++)
+        if (some[k].count) HYI_I(hyi_settle_lanes)(site, &some[k]);
+}
+
 /* ---- answers */
 
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
@@ -13133,9 +13490,9 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     for (uint32_t i = 0; i < count; i++) {
         uint32_t ray = list[i];
         const hyi_aim *aim = &swarm->flights[ray].aim;
-        float tx = node->planes[aim->near_plane[0]][c] * aim->inverse[0] + aim->near_offset[0];
-        float ty = node->planes[aim->near_plane[1]][c] * aim->inverse[1] + aim->near_offset[1];
-        float tz = node->planes[aim->near_plane[2]][c] * aim->inverse[2] + aim->near_offset[2];
+        float tx = hyi_planes_at(node, aim->near_plane[0])[c] * aim->inverse[0] + aim->near_offset[0];
+        float ty = hyi_planes_at(node, aim->near_plane[1])[c] * aim->inverse[1] + aim->near_offset[1];
+        float tz = hyi_planes_at(node, aim->near_plane[2])[c] * aim->inverse[2] + aim->near_offset[2];
         float enter = tx > ty ? tx : ty;
         enter = tz > enter ? tz : enter;
         list[kept] = ray;
@@ -13369,7 +13726,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
     if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
-    if (!any && site->bvh->rows) hyi_settle_all(site, swarm.flights, count);
+    if (!any && site->bvh->rows) HYI_I(hyi_settle_all)(site, swarm.flights, count);
 }
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
@@ -13856,12 +14213,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
     aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
     aim->axis[2] = z;
     for (uint32_t a = 0; a < 3; a++) {
-        aim->near_plane[a] = 2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u);
+        aim->near_plane[a] = HYI_WIDTH * (2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u));
         aim->origin[a] = origin[aim->axis[a]];
         aim->direction[a] = direction[aim->axis[a]];
     }
     hyi_aim_along(aim);
     aim->unit = aim->inverse_unit = 1.0;
+    aim->exact = 0;
 }
 
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
@@ -13911,8 +14269,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
     HYI_F8 near_planes[3], far_planes[3], t;
     for (int a = 0; a < 3; a++) {
-        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
-        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+        near_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a]));
+        far_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a] ^ HYI_WIDTH));
     }
     uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
@@ -13924,7 +14282,28 @@ typedef struct HYI_I(hyi_corners) {
     HYI_F8 x, y, z;
 } HYI_I(hyi_corners);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+/* What triangles need of one ray: see hyi_aim. */
+typedef struct HYI_I(hyi_sight) {
+    float origin[3], shear[2], inverse_z, along_z, t_near, t_far;
+    uint32_t axis[3];
+} HYI_I(hyi_sight);
+
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = aim->origin[i];
+        sight.axis[i] = aim->axis[i];
+    }
+    sight.shear[0] = aim->shear[0];
+    sight.shear[1] = aim->shear[1];
+    sight.inverse_z = aim->inverse_z;
+    sight.along_z = fabsf(aim->direction[2]);
+    sight.t_near = aim->t_near;
+    sight.t_far = aim->t_far;
+    return sight;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
     p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
     HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
@@ -13952,10 +14331,10 @@ typedef struct HYI_I(hyi_verdicts) {
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -13974,7 +14353,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
@@ -13993,13 +14372,14 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_ai
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts.certain >> lane & 1u) {
             if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -14011,7 +14391,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
@@ -14120,8 +14501,8 @@ typedef struct HYI_I(hyi_planes) {
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_order_planes)(const hyi_node *node, const uint32_t near_plane[3], HYI_I(hyi_planes) *planes) {
     for (int a = 0; a < 3; a++) {
-        planes->near_planes[a] = HYI_LOAD8(node->planes[near_plane[a]]);
-        planes->far_planes[a] = HYI_LOAD8(node->planes[near_plane[a] ^ 1u]);
+        planes->near_planes[a] = HYI_LOAD8(hyi_planes_at(node, near_plane[a]));
+        planes->far_planes[a] = HYI_LOAD8(hyi_planes_at(node, near_plane[a] ^ HYI_WIDTH));
     }
 }
 
@@ -14139,17 +14520,17 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, cons
     return HYI_LE8(first, last);
 }
 
-/* Whether any ray of a packet meets the box of child c. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
+/* Bits of the rays of a packet that meet the box of child c. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
     HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
     for (int k = 0; k < 3; k++) {
         uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
-        float slack = (near_row & 1u) ? p->bound[a] : -p->bound[a];
+        float slack = (near_row & HYI_WIDTH) ? p->bound[a] : -p->bound[a];
         HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
-        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row][c] + slack), origin), inverse));
-        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row ^ 1u][c] - slack), origin), inverse));
+        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row)[c] + slack), origin), inverse));
+        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row ^ HYI_WIDTH)[c] - slack), origin), inverse));
     }
-    return HYI_BITSW(HYI_LEW(first, last)) != 0u;
+    return HYI_BITSW(HYI_LEW(first, last));
 }
 
 /* Of the children in mask, those whose box some ray of a packet meets. */
@@ -14456,20 +14837,82 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, cons
     return ~HYI_BITS8(beside) & ((1u << count) - 1u);
 }
 
+/* A ray of a packet as leaves see it. */
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of_lane)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t lane) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = packet->origin[i][lane];
+        sight.axis[i] = swarm->axis[i];
+    }
+    sight.shear[0] = packet->shear[0][lane];
+    sight.shear[1] = packet->shear[1][lane];
+    sight.inverse_z = packet->inverse_z[lane];
+    sight.along_z = fabsf(packet->direction[2][lane]);
+    sight.t_near = packet->t_near[lane];
+    sight.t_far = packet->t_far[lane];
+    return sight;
+}
+
+/* hyi_expect for one ray of a packet; returns whether the triangle is certainly nearer than all before. */
+HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t leaf, uint32_t triangle, float least, float most, bool any) {
+    if (any && most < packet->best_t[lane]) HYI_I(hyi_stop_rays)(swarm, packet, 1u << lane);
+    if (any) return most < packet->best_t[lane];
+    if (most >= packet->least_t[lane]) return false;
+    packet->t_far[lane] = most + 4.0f * HYI_ULP * fabsf(most);
+    packet->least_t[lane] = least;
+    packet->leaf.word[lane] = leaf;
+    packet->triangle.word[lane] = triangle;
+    packet->waiting |= 1u << lane;
+    return true;
+}
+
+/* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
+    bool found = false;
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t triangle = hyi_lowest_bit(mask);
+        bool certain = (verdicts.certain >> triangle & 1u) != 0u;
+        if (certain && verdicts.least[triangle] > packet->t_far[lane]) continue;
+        if (certain && HYI_I(hyi_expect_lane)(swarm, packet, lane, leaf, triangle, verdicts.least[triangle], verdicts.most[triangle], any)) {
+            found = true;
+        } else if (HYI_I(hyi_new_to_rays)(swarm, packet, leaf, triangle, 1u << lane)) {
+            HYI_I(hyi_settle_rays)(swarm, packet, 1u << lane);
+            found = HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, 1u << lane) || found;
+        }
+        if (found && any) break;
+    }
+    return found;
+}
+
+/* A leaf's triangles, one after the other, to all rays of a packet; returns whether there was a hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, bool any) {
+    uint32_t triangles = hyi_leaf_count(leaf);
+    uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
+    bool found = false;
+    for (; some; some &= some - 1u) {
+        uint32_t t = hyi_lowest_bit(some);
+        HYI_I(hyi_meeting) m;
+        HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
+        if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
+    }
+    return found;
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
-    uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
         bool found = false;
-        if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
-        uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
-        for (; some; some &= some - 1u) {
-            uint32_t t = hyi_lowest_bit(some);
-            HYI_I(hyi_meeting) m;
-            HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
-            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
+        if (packet->last_t < packet->first_t) continue;
+        uint32_t mask = node ? HYI_I(hyi_meet_box_each)(swarm, packet, node, c) : HYI_ALLW;
+        if (!mask) continue;
+        if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
+            for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
+        } else {
+            found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
@@ -14653,7 +15096,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW gro
         float one = group[hyi_lowest_bit(left)];
         HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
         some = HYI_BITSW(live);
-        bool enough = hyi_count_bits(some & 0xffu) + hyi_count_bits(some >> 8) >= HYI_PACKET_LEAST;
+        bool enough = hyi_count_lanes(some) >= HYI_PACKET_LEAST;
         if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
         else rest |= some;
     }
@@ -14692,7 +15135,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
         const hyi_aim *aim = &flight->aim;
-        if (aim->unit != 1.0) return false;
+        if (aim->exact) return false;
         for (int a = 0; a < 3; a++) {
             o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
             packet->direction[a][i] = aim->direction[a];
@@ -14753,7 +15196,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
 HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, float plane[3][HYI_PACKET_WIDTH], float axis[3][HYI_PACKET_WIDTH]) {
     const HYI_FW axes[3] = {HYI_I(hyi_whole)(0), HYI_I(hyi_whole)(1), HYI_I(hyi_whole)(2)};
     for (uint32_t a = 0; a < 3; a++) {
-        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(2u * a + 1u), HYI_I(hyi_whole)(2u * a)));
+        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(HYI_WIDTH * (2u * a + 1u)), HYI_I(hyi_whole)(HYI_WIDTH * 2u * a)));
         HYI_STOREW(axis[a], HYI_I(hyi_turn)(block, axes, a));
     }
 }
@@ -14889,6 +15332,87 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     }
 }
 
+/* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
+typedef struct HYI_I(hyi_put_off) {
+    hyi_flight *flights[HYI_PACKET_WIDTH];
+    uint32_t count;
+} HYI_I(hyi_put_off);
+
+/* What hyi_confirm needs of a flight, into a lane of a packet, and of its triangle: the coordinates of corner k in rows 3 k and on,
+   in the order of axis. */
+HYI_INLINE void HYI_I(hyi_lay_flight)(const hyi_bvh *bvh, const hyi_flight *flight, hyi_packet *packet, float rows[9][HYI_PACKET_WIDTH], uint32_t lane) {
+    const hyi_aim *aim = &flight->aim;
+    const float *row = hyi_leaf_rows(bvh, aim->leaf) + aim->lane;
+    uint32_t count = hyi_leaf_count(aim->leaf);
+    for (uint32_t i = 0; i < 3u; i++) {
+        const float *at = row + aim->axis[i] * count;
+        packet->origin[i][lane] = aim->origin[i];
+        packet->direction[i][lane] = aim->direction[i];
+        rows[i][lane] = at[0];
+        rows[i + 3u][lane] = at[3u * count];
+        rows[i + 6u][lane] = at[6u * count];
+    }
+    packet->shear[0][lane] = aim->shear[0];
+    packet->shear[1][lane] = aim->shear[1];
+    packet->t_by_z[lane] = aim->t_by_z;
+}
+
+/* Takes a hit that has been worked out if it is the best: hyi_decide. */
+HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *flight, float t, float u, float v) {
+    uint32_t leaf = flight->aim.leaf, primitive = site->bvh->ids[hyi_leaf_first(leaf) + flight->aim.lane];
+    flight->aim.leaf = 0;
+    if (!(t >= flight->t_min && t <= flight->best.t) || !hyi_beats(&flight->best, t, site->instance, primitive)) return;
+    flight->best.t = t;
+    flight->best.u = u;
+    flight->best.v = v;
+    flight->best.instance = site->instance;
+    flight->best.primitive = primitive;
+    flight->best.leaf = leaf;
+    flight->best.lane = flight->aim.lane;
+}
+
+/* hyi_settle of all. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
+    float rows[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
+    HYI_FW corner_rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    hyi_packet packet;
+    for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, rows, i);
+    for (int i = 0; i < 9; i++) corner_rows[i] = HYI_LOADW(rows[i]);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(&packet, corner_rows[3 * k], corner_rows[3 * k + 1], corner_rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(corner_rows, half, &plane);
+        HYI_I(hyi_confirm_half)(&packet, corners, &plane, half, &outcome);
+        HYI_STOREH(t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, u, v);
+    }
+    for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+}
+
+/* Works out what the first count flights have put off, as many at a time as there are lanes, while the triangles of as many more
+   are asked for. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_all)(const hyi_site *site, hyi_flight *flights, uint32_t count) {
+    HYI_I(hyi_put_off) some[2];
+    uint32_t side = 0;
+    some[0].count = some[1].count = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t leaf = flights[i].aim.leaf;
+        const char *rows = (const char *)hyi_leaf_rows(site->bvh, leaf);
+        for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(rows + 64u * line);
+        hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+        some[side].flights[some[side].count] = &flights[i];
+        some[side].count += leaf ? 1u : 0u;
+        if (some[side].count < HYI_LANES) continue;
+        side ^= 1u;
+        if (some[side].count) HYI_I(hyi_settle_lanes)(site, &some[side]);
+        some[side].count = 0;
+    }
+    for (uint32_t k = 0; k < 2u; k++)
+        if (some[k].count) HYI_I(hyi_settle_lanes)(site, &some[k]);
+}
+
 /* ---- answers */
 
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
@@ -14984,9 +15508,9 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     for (uint32_t i = 0; i < count; i++) {
         uint32_t ray = list[i];
         const hyi_aim *aim = &swarm->flights[ray].aim;
-        float tx = node->planes[aim->near_plane[0]][c] * aim->inverse[0] + aim->near_offset[0];
-        float ty = node->planes[aim->near_plane[1]][c] * aim->inverse[1] + aim->near_offset[1];
-        float tz = node->planes[aim->near_plane[2]][c] * aim->inverse[2] + aim->near_offset[2];
+        float tx = hyi_planes_at(node, aim->near_plane[0])[c] * aim->inverse[0] + aim->near_offset[0];
+        float ty = hyi_planes_at(node, aim->near_plane[1])[c] * aim->inverse[1] + aim->near_offset[1];
+        float tz = hyi_planes_at(node, aim->near_plane[2])[c] * aim->inverse[2] + aim->near_offset[2];
         float enter = tx > ty ? tx : ty;
         enter = tz > enter ? tz : enter;
         list[kept] = ray;
@@ -15220,7 +15744,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
     if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
-    if (!any && site->bvh->rows) hyi_settle_all(site, swarm.flights, count);
+    if (!any && site->bvh->rows) HYI_I(hyi_settle_all)(site, swarm.flights, count);
 }
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
@@ -15706,12 +16230,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
     aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
     aim->axis[2] = z;
     for (uint32_t a = 0; a < 3; a++) {
-        aim->near_plane[a] = 2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u);
+        aim->near_plane[a] = HYI_WIDTH * (2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u));
         aim->origin[a] = origin[aim->axis[a]];
         aim->direction[a] = direction[aim->axis[a]];
     }
     hyi_aim_along(aim);
     aim->unit = aim->inverse_unit = 1.0;
+    aim->exact = 0;
 }
 
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
@@ -15761,8 +16286,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
     HYI_F8 near_planes[3], far_planes[3], t;
     for (int a = 0; a < 3; a++) {
-        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
-        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+        near_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a]));
+        far_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a] ^ HYI_WIDTH));
     }
     uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
@@ -15774,7 +16299,28 @@ typedef struct HYI_I(hyi_corners) {
     HYI_F8 x, y, z;
 } HYI_I(hyi_corners);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+/* What triangles need of one ray: see hyi_aim. */
+typedef struct HYI_I(hyi_sight) {
+    float origin[3], shear[2], inverse_z, along_z, t_near, t_far;
+    uint32_t axis[3];
+} HYI_I(hyi_sight);
+
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = aim->origin[i];
+        sight.axis[i] = aim->axis[i];
+    }
+    sight.shear[0] = aim->shear[0];
+    sight.shear[1] = aim->shear[1];
+    sight.inverse_z = aim->inverse_z;
+    sight.along_z = fabsf(aim->direction[2]);
+    sight.t_near = aim->t_near;
+    sight.t_far = aim->t_far;
+    return sight;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
     p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
     HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
@@ -15802,10 +16348,10 @@ typedef struct HYI_I(hyi_verdicts) {
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -15824,7 +16370,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
@@ -15843,13 +16389,14 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_ai
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts.certain >> lane & 1u) {
             if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -15861,7 +16408,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
@@ -15970,8 +16518,8 @@ typedef struct HYI_I(hyi_planes) {
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_order_planes)(const hyi_node *node, const uint32_t near_plane[3], HYI_I(hyi_planes) *planes) {
     for (int a = 0; a < 3; a++) {
-        planes->near_planes[a] = HYI_LOAD8(node->planes[near_plane[a]]);
-        planes->far_planes[a] = HYI_LOAD8(node->planes[near_plane[a] ^ 1u]);
+        planes->near_planes[a] = HYI_LOAD8(hyi_planes_at(node, near_plane[a]));
+        planes->far_planes[a] = HYI_LOAD8(hyi_planes_at(node, near_plane[a] ^ HYI_WIDTH));
     }
 }
 
@@ -15989,17 +16537,17 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, cons
     return HYI_LE8(first, last);
 }
 
-/* Whether any ray of a packet meets the box of child c. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
+/* Bits of the rays of a packet that meet the box of child c. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
     HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
     for (int k = 0; k < 3; k++) {
         uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
-        float slack = (near_row & 1u) ? p->bound[a] : -p->bound[a];
+        float slack = (near_row & HYI_WIDTH) ? p->bound[a] : -p->bound[a];
         HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
-        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row][c] + slack), origin), inverse));
-        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row ^ 1u][c] - slack), origin), inverse));
+        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row)[c] + slack), origin), inverse));
+        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row ^ HYI_WIDTH)[c] - slack), origin), inverse));
     }
-    return HYI_BITSW(HYI_LEW(first, last)) != 0u;
+    return HYI_BITSW(HYI_LEW(first, last));
 }
 
 /* Of the children in mask, those whose box some ray of a packet meets. */
@@ -16306,20 +16854,82 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, cons
     return ~HYI_BITS8(beside) & ((1u << count) - 1u);
 }
 
+/* A ray of a packet as leaves see it. */
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of_lane)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t lane) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = packet->origin[i][lane];
+        sight.axis[i] = swarm->axis[i];
+    }
+    sight.shear[0] = packet->shear[0][lane];
+    sight.shear[1] = packet->shear[1][lane];
+    sight.inverse_z = packet->inverse_z[lane];
+    sight.along_z = fabsf(packet->direction[2][lane]);
+    sight.t_near = packet->t_near[lane];
+    sight.t_far = packet->t_far[lane];
+    return sight;
+}
+
+/* hyi_expect for one ray of a packet; returns whether the triangle is certainly nearer than all before. */
+HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t leaf, uint32_t triangle, float least, float most, bool any) {
+    if (any && most < packet->best_t[lane]) HYI_I(hyi_stop_rays)(swarm, packet, 1u << lane);
+    if (any) return most < packet->best_t[lane];
+    if (most >= packet->least_t[lane]) return false;
+    packet->t_far[lane] = most + 4.0f * HYI_ULP * fabsf(most);
+    packet->least_t[lane] = least;
+    packet->leaf.word[lane] = leaf;
+    packet->triangle.word[lane] = triangle;
+    packet->waiting |= 1u << lane;
+    return true;
+}
+
+/* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
+    bool found = false;
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t triangle = hyi_lowest_bit(mask);
+        bool certain = (verdicts.certain >> triangle & 1u) != 0u;
+        if (certain && verdicts.least[triangle] > packet->t_far[lane]) continue;
+        if (certain && HYI_I(hyi_expect_lane)(swarm, packet, lane, leaf, triangle, verdicts.least[triangle], verdicts.most[triangle], any)) {
+            found = true;
+        } else if (HYI_I(hyi_new_to_rays)(swarm, packet, leaf, triangle, 1u << lane)) {
+            HYI_I(hyi_settle_rays)(swarm, packet, 1u << lane);
+            found = HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, 1u << lane) || found;
+        }
+        if (found && any) break;
+    }
+    return found;
+}
+
+/* A leaf's triangles, one after the other, to all rays of a packet; returns whether there was a hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, bool any) {
+    uint32_t triangles = hyi_leaf_count(leaf);
+    uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
+    bool found = false;
+    for (; some; some &= some - 1u) {
+        uint32_t t = hyi_lowest_bit(some);
+        HYI_I(hyi_meeting) m;
+        HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
+        if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
+    }
+    return found;
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
-    uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
         bool found = false;
-        if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
-        uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
-        for (; some; some &= some - 1u) {
-            uint32_t t = hyi_lowest_bit(some);
-            HYI_I(hyi_meeting) m;
-            HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
-            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
+        if (packet->last_t < packet->first_t) continue;
+        uint32_t mask = node ? HYI_I(hyi_meet_box_each)(swarm, packet, node, c) : HYI_ALLW;
+        if (!mask) continue;
+        if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
+            for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
+        } else {
+            found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }
@@ -16503,7 +17113,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW gro
         float one = group[hyi_lowest_bit(left)];
         HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
         some = HYI_BITSW(live);
-        bool enough = hyi_count_bits(some & 0xffu) + hyi_count_bits(some >> 8) >= HYI_PACKET_LEAST;
+        bool enough = hyi_count_lanes(some) >= HYI_PACKET_LEAST;
         if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
         else rest |= some;
     }
@@ -16542,7 +17152,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
         const hyi_aim *aim = &flight->aim;
-        if (aim->unit != 1.0) return false;
+        if (aim->exact) return false;
         for (int a = 0; a < 3; a++) {
             o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
             packet->direction[a][i] = aim->direction[a];
@@ -16603,7 +17213,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
 HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, float plane[3][HYI_PACKET_WIDTH], float axis[3][HYI_PACKET_WIDTH]) {
     const HYI_FW axes[3] = {HYI_I(hyi_whole)(0), HYI_I(hyi_whole)(1), HYI_I(hyi_whole)(2)};
     for (uint32_t a = 0; a < 3; a++) {
-        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(2u * a + 1u), HYI_I(hyi_whole)(2u * a)));
+        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(HYI_WIDTH * (2u * a + 1u)), HYI_I(hyi_whole)(HYI_WIDTH * 2u * a)));
         HYI_STOREW(axis[a], HYI_I(hyi_turn)(block, axes, a));
     }
 }
@@ -16739,6 +17349,87 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     }
 }
 
+/* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
+typedef struct HYI_I(hyi_put_off) {
+    hyi_flight *flights[HYI_PACKET_WIDTH];
+    uint32_t count;
+} HYI_I(hyi_put_off);
+
+/* What hyi_confirm needs of a flight, into a lane of a packet, and of its triangle: the coordinates of corner k in rows 3 k and on,
+   in the order of axis. */
+HYI_INLINE void HYI_I(hyi_lay_flight)(const hyi_bvh *bvh, const hyi_flight *flight, hyi_packet *packet, float rows[9][HYI_PACKET_WIDTH], uint32_t lane) {
+    const hyi_aim *aim = &flight->aim;
+    const float *row = hyi_leaf_rows(bvh, aim->leaf) + aim->lane;
+    uint32_t count = hyi_leaf_count(aim->leaf);
+    for (uint32_t i = 0; i < 3u; i++) {
+        const float *at = row + aim->axis[i] * count;
+        packet->origin[i][lane] = aim->origin[i];
+        packet->direction[i][lane] = aim->direction[i];
+        rows[i][lane] = at[0];
+        rows[i + 3u][lane] = at[3u * count];
+        rows[i + 6u][lane] = at[6u * count];
+    }
+    packet->shear[0][lane] = aim->shear[0];
+    packet->shear[1][lane] = aim->shear[1];
+    packet->t_by_z[lane] = aim->t_by_z;
+}
+
+/* Takes a hit that has been worked out if it is the best: hyi_decide. */
+HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *flight, float t, float u, float v) {
+    uint32_t leaf = flight->aim.leaf, primitive = site->bvh->ids[hyi_leaf_first(leaf) + flight->aim.lane];
+    flight->aim.leaf = 0;
+    if (!(t >= flight->t_min && t <= flight->best.t) || !hyi_beats(&flight->best, t, site->instance, primitive)) return;
+    flight->best.t = t;
+    flight->best.u = u;
+    flight->best.v = v;
+    flight->best.instance = site->instance;
+    flight->best.primitive = primitive;
+    flight->best.leaf = leaf;
+    flight->best.lane = flight->aim.lane;
+}
+
+/* hyi_settle of all. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
+    float rows[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
+    HYI_FW corner_rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    hyi_packet packet;
+    for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, rows, i);
+    for (int i = 0; i < 9; i++) corner_rows[i] = HYI_LOADW(rows[i]);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(&packet, corner_rows[3 * k], corner_rows[3 * k + 1], corner_rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(corner_rows, half, &plane);
+        HYI_I(hyi_confirm_half)(&packet, corners, &plane, half, &outcome);
+        HYI_STOREH(t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, u, v);
+    }
+    for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+}
+
+/* Works out what the first count flights have put off, as many at a time as there are lanes, while the triangles of as many more
+   are asked for. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_all)(const hyi_site *site, hyi_flight *flights, uint32_t count) {
+    HYI_I(hyi_put_off) some[2];
+    uint32_t side = 0;
+    some[0].count = some[1].count = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t leaf = flights[i].aim.leaf;
+        const char *rows = (const char *)hyi_leaf_rows(site->bvh, leaf);
+        for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(rows + 64u * line);
+        hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+        some[side].flights[some[side].count] = &flights[i];
+        some[side].count += leaf ? 1u : 0u;
+        if (some[side].count < HYI_LANES) continue;
+        side ^= 1u;
+        if (some[side].count) HYI_I(hyi_settle_lanes)(site, &some[side]);
+        some[side].count = 0;
+    }
+    for (uint32_t k = 0; k < 2u; k++)
+        if (some[k].count) HYI_I(hyi_settle_lanes)(site, &some[k]);
+}
+
 /* ---- answers */
 
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {
@@ -16834,9 +17525,9 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     for (uint32_t i = 0; i < count; i++) {
         uint32_t ray = list[i];
         const hyi_aim *aim = &swarm->flights[ray].aim;
-        float tx = node->planes[aim->near_plane[0]][c] * aim->inverse[0] + aim->near_offset[0];
-        float ty = node->planes[aim->near_plane[1]][c] * aim->inverse[1] + aim->near_offset[1];
-        float tz = node->planes[aim->near_plane[2]][c] * aim->inverse[2] + aim->near_offset[2];
+        float tx = hyi_planes_at(node, aim->near_plane[0])[c] * aim->inverse[0] + aim->near_offset[0];
+        float ty = hyi_planes_at(node, aim->near_plane[1])[c] * aim->inverse[1] + aim->near_offset[1];
+        float tz = hyi_planes_at(node, aim->near_plane[2])[c] * aim->inverse[2] + aim->near_offset[2];
         float enter = tx > ty ? tx : ty;
         enter = tz > enter ? tz : enter;
         list[kept] = ray;
@@ -17070,7 +17761,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
     if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
-    if (!any && site->bvh->rows) hyi_settle_all(site, swarm.flights, count);
+    if (!any && site->bvh->rows) HYI_I(hyi_settle_all)(site, swarm.flights, count);
 }
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */

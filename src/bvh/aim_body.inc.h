@@ -35,12 +35,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
     aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
     aim->axis[2] = z;
     for (uint32_t a = 0; a < 3; a++) {
-        aim->near_plane[a] = 2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u);
+        aim->near_plane[a] = HYI_WIDTH * (2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u));
         aim->origin[a] = origin[aim->axis[a]];
         aim->direction[a] = direction[aim->axis[a]];
     }
     hyi_aim_along(aim);
     aim->unit = aim->inverse_unit = 1.0;
+    aim->exact = 0;
 }
 
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,

@@ -164,7 +164,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW gro
         float one = group[hyi_lowest_bit(left)];
         HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
         some = HYI_BITSW(live);
-        bool enough = hyi_count_bits(some & 0xffu) + hyi_count_bits(some >> 8) >= HYI_PACKET_LEAST;
+        bool enough = hyi_count_lanes(some) >= HYI_PACKET_LEAST;
         if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
         else rest |= some;
     }
@@ -203,7 +203,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_pack_flights)(const hyi_swarm *swarm, hyi_p
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         const hyi_flight *flight = &swarm->flights[rays[i < count ? i : 0u]];
         const hyi_aim *aim = &flight->aim;
-        if (aim->unit != 1.0) return false;
+        if (aim->exact) return false;
         for (int a = 0; a < 3; a++) {
             o[aim->axis[a]][i] = packet->origin[a][i] = aim->origin[a];
             packet->direction[a][i] = aim->direction[a];
@@ -264,7 +264,7 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
 HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, float plane[3][HYI_PACKET_WIDTH], float axis[3][HYI_PACKET_WIDTH]) {
     const HYI_FW axes[3] = {HYI_I(hyi_whole)(0), HYI_I(hyi_whole)(1), HYI_I(hyi_whole)(2)};
     for (uint32_t a = 0; a < 3; a++) {
-        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(2u * a + 1u), HYI_I(hyi_whole)(2u * a)));
+        HYI_STOREW(plane[a], HYI_CHOOSEW(block->falls[a], HYI_I(hyi_whole)(HYI_WIDTH * (2u * a + 1u)), HYI_I(hyi_whole)(HYI_WIDTH * 2u * a)));
         HYI_STOREW(axis[a], HYI_I(hyi_turn)(block, axes, a));
     }
 }

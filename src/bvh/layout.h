@@ -116,6 +116,9 @@ HYI_INLINE double hyi_box_area(const hyi_box *box) {
     return x < 0.0 ? 0.0 : x * y + y * z + z * x;
 }
 
+/* Eight planes of a node by the place of the first, which is a row's number times HYI_WIDTH. */
+HYI_INLINE const float *hyi_planes_at(const hyi_node *node, uint32_t place) { return (const float *)(const void *)node->planes + place; }
+
 /* ---- nodes, for whoever does not build or pass them: all that knows how they lie in memory */
 
 /* HYI_CHILD_NONE: there is no such child, nor one behind it. */

@@ -7,8 +7,8 @@ typedef struct HYI_I(hyi_planes) {
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_order_planes)(const hyi_node *node, const uint32_t near_plane[3], HYI_I(hyi_planes) *planes) {
     for (int a = 0; a < 3; a++) {
-        planes->near_planes[a] = HYI_LOAD8(node->planes[near_plane[a]]);
-        planes->far_planes[a] = HYI_LOAD8(node->planes[near_plane[a] ^ 1u]);
+        planes->near_planes[a] = HYI_LOAD8(hyi_planes_at(node, near_plane[a]));
+        planes->far_planes[a] = HYI_LOAD8(hyi_planes_at(node, near_plane[a] ^ HYI_WIDTH));
     }
 }
 
@@ -26,17 +26,17 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, cons
     return HYI_LE8(first, last);
 }
 
-/* Whether any ray of a packet meets the box of child c. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
+/* Bits of the rays of a packet that meet the box of child c. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
     HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
     for (int k = 0; k < 3; k++) {
         uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
-        float slack = (near_row & 1u) ? p->bound[a] : -p->bound[a];
+        float slack = (near_row & HYI_WIDTH) ? p->bound[a] : -p->bound[a];
         HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
-        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row][c] + slack), origin), inverse));
-        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(node->planes[near_row ^ 1u][c] - slack), origin), inverse));
+        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row)[c] + slack), origin), inverse));
+        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row ^ HYI_WIDTH)[c] - slack), origin), inverse));
     }
-    return HYI_BITSW(HYI_LEW(first, last)) != 0u;
+    return HYI_BITSW(HYI_LEW(first, last));
 }
 
 /* Of the children in mask, those whose box some ray of a packet meets. */
@@ -343,20 +343,82 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, cons
     return ~HYI_BITS8(beside) & ((1u << count) - 1u);
 }
 
+/* A ray of a packet as leaves see it. */
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of_lane)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t lane) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = packet->origin[i][lane];
+        sight.axis[i] = swarm->axis[i];
+    }
+    sight.shear[0] = packet->shear[0][lane];
+    sight.shear[1] = packet->shear[1][lane];
+    sight.inverse_z = packet->inverse_z[lane];
+    sight.along_z = fabsf(packet->direction[2][lane]);
+    sight.t_near = packet->t_near[lane];
+    sight.t_far = packet->t_far[lane];
+    return sight;
+}
+
+/* hyi_expect for one ray of a packet; returns whether the triangle is certainly nearer than all before. */
+HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t lane, uint32_t leaf, uint32_t triangle, float least, float most, bool any) {
+    if (any && most < packet->best_t[lane]) HYI_I(hyi_stop_rays)(swarm, packet, 1u << lane);
+    if (any) return most < packet->best_t[lane];
+    if (most >= packet->least_t[lane]) return false;
+    packet->t_far[lane] = most + 4.0f * HYI_ULP * fabsf(most);
+    packet->least_t[lane] = least;
+    packet->leaf.word[lane] = leaf;
+    packet->triangle.word[lane] = triangle;
+    packet->waiting |= 1u << lane;
+    return true;
+}
+
+/* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
+    bool found = false;
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t triangle = hyi_lowest_bit(mask);
+        bool certain = (verdicts.certain >> triangle & 1u) != 0u;
+        if (certain && verdicts.least[triangle] > packet->t_far[lane]) continue;
+        if (certain && HYI_I(hyi_expect_lane)(swarm, packet, lane, leaf, triangle, verdicts.least[triangle], verdicts.most[triangle], any)) {
+            found = true;
+        } else if (HYI_I(hyi_new_to_rays)(swarm, packet, leaf, triangle, 1u << lane)) {
+            HYI_I(hyi_settle_rays)(swarm, packet, 1u << lane);
+            found = HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, 1u << lane) || found;
+        }
+        if (found && any) break;
+    }
+    return found;
+}
+
+/* A leaf's triangles, one after the other, to all rays of a packet; returns whether there was a hit. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, bool any) {
+    uint32_t triangles = hyi_leaf_count(leaf);
+    uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
+    bool found = false;
+    for (; some; some &= some - 1u) {
+        uint32_t t = hyi_lowest_bit(some);
+        HYI_I(hyi_meeting) m;
+        HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
+        if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
+    }
+    return found;
+}
+
 /* node, c: where the leaf hangs; NULL: nowhere. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
-    uint32_t triangles = hyi_leaf_count(leaf);
     for (uint32_t i = 0; i < count; i++) {
         hyi_packet *packet = &swarm->packets[list[i]];
         bool found = false;
-        if (packet->last_t < packet->first_t || (node && !HYI_I(hyi_meet_box_each)(swarm, packet, node, c))) continue;
-        uint32_t some = packet->spread || any || triangles < 5u ? (1u << triangles) - 1u : HYI_I(hyi_sift_leaf)(swarm, packet, leaf);
-        for (; some; some &= some - 1u) {
-            uint32_t t = hyi_lowest_bit(some);
-            HYI_I(hyi_meeting) m;
-            HYI_I(hyi_meet_triangle_all)(swarm, packet, leaf, t, &m);
-            if (m.possible && HYI_I(hyi_offer_to_all)(swarm, packet, leaf, t, &m, any)) found = true;
+        if (packet->last_t < packet->first_t) continue;
+        uint32_t mask = node ? HYI_I(hyi_meet_box_each)(swarm, packet, node, c) : HYI_ALLW;
+        if (!mask) continue;
+        if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
+            for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
+        } else {
+            found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
         if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     }

@@ -24,6 +24,10 @@
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
+/* Whether so many rays of a packet meet a leaf of so many triangles sooner one by one: each then meets all of them at once, which
+   takes a third longer than it takes all rays to meet one. */
+#define HYI_SOONER_EACH(rays, triangles) (4u * (rays) <= 3u * (triangles))
+
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
 #define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 
@@ -112,7 +116,7 @@ typedef union hyi_masks8 {
 } hyi_masks8;
 
 HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
-    return (aim->near_plane[0] & 1u) | (aim->near_plane[1] & 1u) << 1 | (aim->near_plane[2] & 1u) << 2 | aim->axis[2] << 3;
+    return (aim->near_plane[0] >> 3 & 1u) | (aim->near_plane[1] >> 2 & 2u) | (aim->near_plane[2] >> 1 & 4u) | aim->axis[2] << 3;
 }
 
 /* hyi_aim.axis of the rays of a group. */
@@ -125,7 +129,7 @@ HYI_INLINE void hyi_group_axes(uint32_t group, uint32_t axis[3]) {
 
 /* What rays of a group have in common. */
 HYI_INLINE void hyi_set_group(hyi_swarm *swarm, uint32_t group) {
-    for (uint32_t a = 0; a < 3; a++) swarm->near_plane[a] = 2u * a + (group >> a & 1u);
+    for (uint32_t a = 0; a < 3; a++) swarm->near_plane[a] = HYI_WIDTH * (2u * a + (group >> a & 1u));
     hyi_group_axes(group, swarm->axis);
 }
 
@@ -152,6 +156,9 @@ HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
 #endif
 }
 
+/* Of the lanes of a vector. */
+HYI_INLINE uint32_t hyi_count_lanes(uint32_t bits) { return hyi_count_bits(bits & 0xffu) + hyi_count_bits(bits >> 8); }
+
 /* What a child will read first. */
 HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
     const char *at = hyi_child_is_leaf(child) ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
@@ -159,19 +166,6 @@ HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
 }
 
 /* ---- beginning */
-
-#define HYI_SETTLE_AHEAD 8u /* flights whose triangles are asked for meanwhile */
-
-/* The first count flights. Where one has nothing to settle, the first leaf is asked for: a branch would cost more. */
-HYI_FN void hyi_settle_all(const hyi_site *site, hyi_flight *flights, uint32_t count) {
-    for (uint32_t i = 0; i < count; i++) {
-        const hyi_flight *later = &flights[i + HYI_SETTLE_AHEAD < count ? i + HYI_SETTLE_AHEAD : i];
-        const char *rows = (const char *)hyi_leaf_rows(site->bvh, later->aim.leaf);
-        for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(rows + 64u * line);
-        hyi_prefetch(&site->bvh->ids[hyi_leaf_first(later->aim.leaf)]);
-        hyi_settle(site, &flights[i]);
-    }
-}
 
 /* Of flights side by side, keeps those whose bits are set; returns how many these are. */
 HYI_INLINE uint32_t hyi_keep_flights(hyi_flight *flights, uint32_t bits) {

@@ -13,9 +13,9 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     for (uint32_t i = 0; i < count; i++) {
         uint32_t ray = list[i];
         const hyi_aim *aim = &swarm->flights[ray].aim;
-        float tx = node->planes[aim->near_plane[0]][c] * aim->inverse[0] + aim->near_offset[0];
-        float ty = node->planes[aim->near_plane[1]][c] * aim->inverse[1] + aim->near_offset[1];
-        float tz = node->planes[aim->near_plane[2]][c] * aim->inverse[2] + aim->near_offset[2];
+        float tx = hyi_planes_at(node, aim->near_plane[0])[c] * aim->inverse[0] + aim->near_offset[0];
+        float ty = hyi_planes_at(node, aim->near_plane[1])[c] * aim->inverse[1] + aim->near_offset[1];
+        float tz = hyi_planes_at(node, aim->near_plane[2])[c] * aim->inverse[2] + aim->near_offset[2];
         float enter = tx > ty ? tx : ty;
         enter = tz > enter ? tz : enter;
         list[kept] = ray;
@@ -249,7 +249,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
     if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
-    if (!any && site->bvh->rows) hyi_settle_all(site, swarm.flights, count);
+    if (!any && site->bvh->rows) HYI_I(hyi_settle_all)(site, swarm.flights, count);
 }
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */

@@ -42,14 +42,15 @@ typedef struct hyi_aim {
     float inverse[3];                     /* of the direction; finite */
     float near_offset[3], far_offset[3];  /* of the origin moved by the error bound: slabs only get thicker */
     float t_near, t_far;
-    uint32_t near_plane[3];               /* row of hyi_node.planes that the ray meets first; the other is ^ 1 */
+    uint32_t near_plane[3];               /* where in hyi_node.planes that is which the ray meets first; the other is ^ HYI_WIDTH */
     float inverse_z;                      /* t here by distance along z */
     float least_t;                        /* no less is t of the nearest hit so far, where unit is 1 */
     float origin[3], shear[2];            /* in the order of axis */
     uint32_t axis[3];                     /* x, y, z of the sheared frame; z is the direction's largest */
     float direction[3];                   /* in the order of axis */
     uint32_t leaf, lane;                  /* a triangle that is certainly hit before all others so far, but not worked out yet; leaf 0: none */
-    uint32_t unused[3];                   /* fills the second cache line */
+    uint32_t exact;                       /* 1: unit is not 1, and float tells nothing of triangles */
+    uint32_t unused[2];                   /* fills the second cache line */
     double t_by_z;                        /* inverse_z unrounded */
     double unit, inverse_unit;
 } hyi_aim;
@@ -86,12 +87,14 @@ HYI_FN bool hyi_scale_ray(hyi_aim *aim, float scale, const float *origin, const 
     if (!(largest > 0.0f && largest <= FLT_MAX)) return false;
     double factor = (double)scale, size = (double)largest * factor;
     aim->unit = aim->inverse_unit = 1.0;
+    aim->exact = 0;
     if (size < (double)HYI_SHORTEST || size > (double)HYI_LONGEST) {
         int exponent;
         (void)frexp(size, &exponent);
         aim->unit = ldexp(1.0, -exponent);
         aim->inverse_unit = ldexp(1.0, exponent);
         factor *= aim->unit;
+        aim->exact = 1;
     }
     for (int a = 0; a < 3; a++) d[a] = (float)((double)direction[a] * factor);
     return true;
@@ -126,7 +129,7 @@ HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, cons
         aim->inverse[a] = 1.0f / steady;
         aim->near_offset[a] = -(falls ? o[a] - bound : o[a] + bound) * aim->inverse[a];
         aim->far_offset[a] = -(falls ? o[a] + bound : o[a] - bound) * aim->inverse[a];
-        aim->near_plane[a] = 2u * (uint32_t)a + (falls ? 1u : 0u);
+        aim->near_plane[a] = HYI_WIDTH * (2u * (uint32_t)a + (falls ? 1u : 0u));
     }
 }
 

@@ -64,6 +64,87 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     }
 }
 
+/* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
+typedef struct HYI_I(hyi_put_off) {
+    hyi_flight *flights[HYI_PACKET_WIDTH];
+    uint32_t count;
+} HYI_I(hyi_put_off);
+
+/* What hyi_confirm needs of a flight, into a lane of a packet, and of its triangle: the coordinates of corner k in rows 3 k and on,
+   in the order of axis. */
+HYI_INLINE void HYI_I(hyi_lay_flight)(const hyi_bvh *bvh, const hyi_flight *flight, hyi_packet *packet, float rows[9][HYI_PACKET_WIDTH], uint32_t lane) {
+    const hyi_aim *aim = &flight->aim;
+    const float *row = hyi_leaf_rows(bvh, aim->leaf) + aim->lane;
+    uint32_t count = hyi_leaf_count(aim->leaf);
+    for (uint32_t i = 0; i < 3u; i++) {
+        const float *at = row + aim->axis[i] * count;
+        packet->origin[i][lane] = aim->origin[i];
+        packet->direction[i][lane] = aim->direction[i];
+        rows[i][lane] = at[0];
+        rows[i + 3u][lane] = at[3u * count];
+        rows[i + 6u][lane] = at[6u * count];
+    }
+    packet->shear[0][lane] = aim->shear[0];
+    packet->shear[1][lane] = aim->shear[1];
+    packet->t_by_z[lane] = aim->t_by_z;
+}
+
+/* Takes a hit that has been worked out if it is the best: hyi_decide. */
+HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *flight, float t, float u, float v) {
+    uint32_t leaf = flight->aim.leaf, primitive = site->bvh->ids[hyi_leaf_first(leaf) + flight->aim.lane];
+    flight->aim.leaf = 0;
+    if (!(t >= flight->t_min && t <= flight->best.t) || !hyi_beats(&flight->best, t, site->instance, primitive)) return;
+    flight->best.t = t;
+    flight->best.u = u;
+    flight->best.v = v;
+    flight->best.instance = site->instance;
+    flight->best.primitive = primitive;
+    flight->best.leaf = leaf;
+    flight->best.lane = flight->aim.lane;
+}
+
+/* hyi_settle of all. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
+    float rows[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
+    HYI_FW corner_rows[9];
+    HYI_I(hyi_corner_all) corners[3];
+    hyi_packet packet;
+    for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, rows, i);
+    for (int i = 0; i < 9; i++) corner_rows[i] = HYI_LOADW(rows[i]);
+    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(&packet, corner_rows[3 * k], corner_rows[3 * k + 1], corner_rows[3 * k + 2]);
+    for (int half = 0; half < 2; half++) {
+        HYI_I(hyi_plane_half) plane;
+        HYI_I(hyi_outcome_half) outcome;
+        HYI_I(hyi_planes_half)(corner_rows, half, &plane);
+        HYI_I(hyi_confirm_half)(&packet, corners, &plane, half, &outcome);
+        HYI_STOREH(t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, u, v);
+    }
+    for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+}
+
+/* Works out what the first count flights have put off, as many at a time as there are lanes, while the triangles of as many more
+   are asked for. */
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_all)(const hyi_site *site, hyi_flight *flights, uint32_t count) {
+    HYI_I(hyi_put_off) some[2];
+    uint32_t side = 0;
+    some[0].count = some[1].count = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t leaf = flights[i].aim.leaf;
+        const char *rows = (const char *)hyi_leaf_rows(site->bvh, leaf);
+        for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(rows + 64u * line);
+        hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+        some[side].flights[some[side].count] = &flights[i];
+        some[side].count += leaf ? 1u : 0u;
+        if (some[side].count < HYI_LANES) continue;
+        side ^= 1u;
+        if (some[side].count) HYI_I(hyi_settle_lanes)(site, &some[side]);
+        some[side].count = 0;
+    }
+    for (uint32_t k = 0; k < 2u; k++)
+        if (some[k].count) HYI_I(hyi_settle_lanes)(site, &some[k]);
+}
+
 /* ---- answers */
 
 HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *occluded) {

@@ -156,14 +156,14 @@ HYI_NOINLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t l
 }
 
 /* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
-   and else decides. Most hits are so never worked out: one nearer comes. */
-HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most) {
+   and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
+HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
     if (most >= flight->aim.least_t) return hyi_offer(site, flight, leaf, lane);
     flight->aim.leaf = leaf;
     flight->aim.lane = lane;
     flight->aim.least_t = least;
-    flight->best.instance = site->instance;
-    hyi_aim_limit(&flight->aim, most);
+    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
+    if (any) flight->best.instance = site->instance;
     return true;
 }
 

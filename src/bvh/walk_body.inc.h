@@ -25,8 +25,8 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes)(const hyi_aim *aim, const HYI
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_visit_node)(const hyi_aim *aim, const hyi_node *node, float enter[8]) {
     HYI_F8 near_planes[3], far_planes[3], t;
     for (int a = 0; a < 3; a++) {
-        near_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a]]);
-        far_planes[a] = HYI_LOAD8(node->planes[aim->near_plane[a] ^ 1u]);
+        near_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a]));
+        far_planes[a] = HYI_LOAD8(hyi_planes_at(node, aim->near_plane[a] ^ HYI_WIDTH));
     }
     uint32_t mask = HYI_BITS8(HYI_I(hyi_meet_boxes)(aim, near_planes, far_planes, &t, true));
     HYI_STORE8(enter, t);
@@ -38,7 +38,28 @@ typedef struct HYI_I(hyi_corners) {
     HYI_F8 x, y, z;
 } HYI_I(hyi_corners);
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const hyi_aim *aim, const float *row, uint32_t stride) {
+/* What triangles need of one ray: see hyi_aim. */
+typedef struct HYI_I(hyi_sight) {
+    float origin[3], shear[2], inverse_z, along_z, t_near, t_far;
+    uint32_t axis[3];
+} HYI_I(hyi_sight);
+
+HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
+    HYI_I(hyi_sight) sight;
+    for (int i = 0; i < 3; i++) {
+        sight.origin[i] = aim->origin[i];
+        sight.axis[i] = aim->axis[i];
+    }
+    sight.shear[0] = aim->shear[0];
+    sight.shear[1] = aim->shear[1];
+    sight.inverse_z = aim->inverse_z;
+    sight.along_z = fabsf(aim->direction[2]);
+    sight.t_near = aim->t_near;
+    sight.t_far = aim->t_far;
+    return sight;
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
     p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
     HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
@@ -66,10 +87,10 @@ typedef struct HYI_I(hyi_verdicts) {
    noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(fabsf(aim->direction[2])));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -88,7 +109,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const hyi_aim *aim, const 
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_aim *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
@@ -107,13 +128,14 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const hyi_ai
 
 /* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.unit != 1.0, found = false;
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts.certain >> lane & 1u) {
             if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane]) || found;
+            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -125,7 +147,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
