@@ -276,10 +276,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
     static const uint32_t none[HYI_PACKET_WIDTH] = {0};
     hyi_flight blank;
+    size_t third = offsetof(hyi_flight, aim.t_by_z);
     memset(&blank, 0, sizeof blank);
     blank.aim.unit = blank.aim.inverse_unit = 1.0;
     blank.best.instance = blank.best.primitive = HYK_NONE;
-    for (uint32_t i = 0; i < HYI_LANES; i++) flights[i] = blank;
     HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
     HYI_I(hyi_name_axes)(block, plane, axis);
     const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
@@ -290,6 +290,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];
+        memcpy((char *)flight + third, (const char *)&blank + third, sizeof blank - third);
         flight->aim.t_by_z = p->t_by_z[i];
         flight->best.t = p->best_t[i];
         flight->t_min = p->t_min[i];

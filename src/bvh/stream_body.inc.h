@@ -3,7 +3,8 @@
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
    a list of flights down says how often these met something nearer than before. */
 
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets);
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space);
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space);
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
@@ -24,36 +25,51 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
     return kept;
 }
 
-/* Which children a flight, or a packet, meets, and where it enters them. planes: what all packets of a list meet. */
-HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_children)(const hyi_swarm *swarm, const hyi_node *node, uint32_t item, HYI_I(hyi_planes) *planes, HYI_F8 *enter, bool packets) {
-    if (packets) return HYI_I(hyi_meet_boxes_all)(&swarm->packets[item], planes, enter);
-    const hyi_aim *aim = &swarm->flights[item].aim;
-    HYI_I(hyi_order_planes)(node, aim->near_plane, planes);
-    return HYI_I(hyi_meet_boxes)(aim, planes->near_planes, planes->far_planes, enter, false);
-}
-
-/* Puts each of count items on the lists of the children that it meets; nearest: the least t at which each child is entered. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_deal)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
-                                           uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH], bool packets) {
-    HYI_I(hyi_planes) planes;
+/* Puts each of count flights on the lists of the children that it meets; nearest: the least t at which each child is entered. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                                uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    if (packets) HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += HYI_DEAL) {
         uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
         HYI_MASKS masks;
         HYI_CLEAR_MASKS(masks);
         for (uint32_t i = 0; i < some; i++) {
             HYI_F8 enter;
-            uint32_t item = list[first + i];
-            HYI_M8 mask = HYI_I(hyi_meet_children)(swarm, node, item, &planes, &enter, packets);
+            HYI_I(hyi_planes) planes;
+            const hyi_aim *aim = &swarm->flights[list[first + i]].aim;
+            HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
+            HYI_M8 mask = HYI_I(hyi_meet_boxes)(aim, planes.near_planes, planes.far_planes, &enter, false);
+            least = HYI_MIN8_WHERE(least, mask, enter);
+            masks.bytes[i] = (uint8_t)HYI_BITS8(mask);
+        }
+        HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
+    }
+    HYI_STORE8(nearest, least);
+}
+
+/* The same of packets, which have their near planes in common. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                                   uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
+    HYI_I(hyi_planes) planes;
+    HYI_F8 least = HYI_SET8(FLT_MAX);
+    HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
+    for (uint32_t first = 0; first < count; first += HYI_DEAL) {
+        uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
+        HYI_MASKS masks;
+        HYI_CLEAR_MASKS(masks);
+        for (uint32_t i = 0; i < some; i++) {
+            HYI_F8 enter;
+            const hyi_packet *packet = &swarm->packets[list[first + i]];
+            HYI_M8 mask = HYI_I(hyi_meet_boxes_all)(packet, &planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
-            if (packets && swarm->packets[item].spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[item], node, met);
+            if (packet->spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, packet, node, met);
             masks.bytes[i] = (uint8_t)met;
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
     HYI_STORE8(nearest, least);
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by bounds, but by no ray */
 }
 
 /* Orders all children by t, nearest first, without a branch: a child comes after as many as are nearer, or as near with a
@@ -66,38 +82,55 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_order_children)(const float t[HYI_WIDTH], u
     }
 }
 
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_node)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
-    const hyi_node *node = &swarm->site.bvh->nodes[at];
+/* Asks for what the children with bits in mask will read first. */
+HYI_INLINE void HYI_I(hyi_prefetch_children)(const hyi_bvh *bvh, const hyi_node *node, uint32_t mask) {
+    for (; mask; mask &= mask - 1u) hyi_prefetch_child(bvh, node->child[hyi_lowest_bit(mask)]);
+}
+
+/* Bits of the children that are leaves. */
+HYI_INLINE uint32_t HYI_I(hyi_leaves_of)(const hyi_node *node) {
+    uint32_t leaves = 0;
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) leaves |= node->child[c] >> 31 << c;
+    return leaves;
+}
+
+/* Children are visited nearest first; where any hit does, leaves come before all else, since they end rays the soonest. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    const hyi_bvh *bvh = swarm->site.bvh;
+    const hyi_node *node = &bvh->nodes[at];
     uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], hits = 0;
     float nearest[HYI_WIDTH];
-    HYI_I(hyi_deal)(swarm, node, list, count, space, stride, dealt, nearest, packets);
-    for (uint32_t c = 0; packets && c < HYI_WIDTH; c++) nearest[c] = dealt[c] ? nearest[c] : FLT_MAX; /* met by bounds, but by no ray */
-    uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
-    if (swarm->site.bvh->rows)
-        for (uint32_t left = mask; left; left &= left - 1u) hyi_prefetch_child(swarm->site.bvh, node->child[hyi_lowest_bit(left)]);
+    HYI_I(hyi_deal_rays)(swarm, node, list, count, space, stride, dealt, nearest);
+    uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX))), children = hyi_count_bits(mask);
+    if (bvh->rows) HYI_I(hyi_prefetch_children)(bvh, node, mask);
+    uint32_t leaves = swarm->any ? HYI_I(hyi_leaves_of)(node) & mask : 0u;
+    for (uint32_t c = 0; leaves && c < HYI_WIDTH; c++) nearest[c] = leaves >> c & 1u ? -FLT_MAX : nearest[c];
     HYI_I(hyi_order_children)(nearest, order);
-    uint32_t children = hyi_count_bits(mask);
     for (uint32_t i = 0; i < children; i++) {
-        uint32_t c = order[i];
-        bool leaf = swarm->site.bvh->rows && hyi_child_is_leaf(node->child[c]);
-        if (leaf && packets) {
-            HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], space + c * stride, dealt[c], node, c);
-        } else if (leaf) {
-            if (HYI_CULL_SHARE * hits >= count) dealt[c] = HYI_I(hyi_still_meet)(swarm, node, c, space + c * stride, dealt[c]);
-            hits += HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], space + c * stride, dealt[c]);
+        uint32_t c = order[i], *some = space + c * stride;
+        if (bvh->rows && hyi_child_is_leaf(node->child[c])) {
+            if (HYI_CULL_SHARE * hits >= count) dealt[c] = HYI_I(hyi_still_meet)(swarm, node, c, some, dealt[c]);
+            hits += HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], some, dealt[c]);
         } else {
-            hits += HYI_I(hyi_list_visit)(swarm, node->child[c], space + c * stride, dealt[c], space + HYI_WIDTH * stride, packets);
+            hits += HYI_I(hyi_list_visit)(swarm, node->child[c], some, dealt[c], space + HYI_WIDTH * stride);
         }
     }
     return hits;
 }
 
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    return HYI_I(hyi_list_node)(swarm, at, list, count, space, false);
-}
-
 HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    HYI_I(hyi_list_node)(swarm, at, list, count, space, true);
+    const hyi_node *node = &swarm->site.bvh->nodes[at];
+    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH];
+    float nearest[HYI_WIDTH];
+    HYI_I(hyi_deal_packets)(swarm, node, list, count, space, stride, dealt, nearest);
+    uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX))), children = hyi_count_bits(mask);
+    HYI_I(hyi_prefetch_children)(swarm->site.bvh, node, mask);
+    HYI_I(hyi_order_children)(nearest, order);
+    for (uint32_t i = 0; i < children; i++) {
+        uint32_t c = order[i], *some = space + c * stride;
+        if (hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], some, dealt[c], node, c);
+        else HYI_I(hyi_list_visit_packets)(swarm, node->child[c], some, dealt[c], space + HYI_WIDTH * stride);
+    }
 }
 
 /* ---- leaves */
@@ -156,30 +189,26 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm
     return hits;
 }
 
-/* A list of packets through a node: one at a time where more would leave no room for lists of one on every level below. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_list_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, size_t room) {
-    bool together = room >= (size_t)HYI_WIDTH * (count + 15u) + HYI_LIST_RESERVE;
-    uint32_t some = together ? count : 1u;
+/* Sends a list of packets, which are only in trees of triangles, through the child at: one at a time where more would leave no
+   room for lists of one on every level below. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
+    uint32_t some = room >= (size_t)HYI_WIDTH * (count + 15u) + HYI_LIST_RESERVE ? count : 1u;
+    if (hyi_child_is_leaf(at)) {
+        HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
+        return;
+    }
     for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
 }
 
-/* Sends a list through the child at; space: free memory for lists. Where that is short, rays go one by one.
-   Packets are only in trees of triangles. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, bool packets) {
+/* Sends a list of flights through the child at; space: free memory for lists. Where that is short, they go one by one. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
     size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
     bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
-    if (packets) {
-        if (leaf) HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
-        else HYI_I(hyi_list_packets)(swarm, at, list, count, space, room);
-    } else if (leaf && swarm->site.bvh->rows) {
-        return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
-    } else if (leaf && fits) {
-        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else if (fits) {
-        return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
-    } else {
-        return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    }
+    if (leaf && swarm->site.bvh->rows) return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
+    if (!fits) return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    if (!leaf) return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
+    HYI_I(hyi_list_enter)(swarm, at, list, count, space);
     return 0;
 }
 
@@ -194,7 +223,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, 
     for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
         if (first[g + 1] == first[g]) continue;
         hyi_set_group(swarm, g);
-        HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room, true);
+        HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room);
     }
 }
 
@@ -208,7 +237,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
         if (made < swarm->stream->packet_share && first + some < count) continue;
         for (uint32_t i = 0; i < made; i++) space[i] = i;
-        if (made) HYI_I(hyi_list_visit)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u), true);
+        if (made) HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u));
         for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
         made = 0;
     }
@@ -248,7 +277,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     if (deep) rest = HYI_I(hyi_run_alike_all)(&swarm, count, space, space + room);
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
-    if (rest) HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room, false);
+    if (rest) (void)HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room);
     if (!any && site->bvh->rows) HYI_I(hyi_settle_all)(site, swarm.flights, count);
 }
 
