@@ -45,23 +45,27 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half
     plane->z[1] = HYI_HALFD(rows[8], half);
 }
 
-/* Works out all hits of a packet. */
-HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW rows[9];
+/* hyi_confirm for all lanes of a packet, each with its own triangle. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
     HYI_I(hyi_corner_all) corners[3];
-    uint32_t axis[3];
-    hyi_group_axes(packet->group, axis);
-    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
-    if (finds->count == 0) return;
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
         HYI_I(hyi_outcome_half) outcome;
         HYI_I(hyi_planes_half)(rows, half, &plane);
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
-        HYI_STOREH(finds->t, half, outcome.t);
-        HYI_I(hyi_store_weights)(&outcome, half, finds->u, finds->v);
+        HYI_STOREH(t, half, outcome.t);
+        HYI_I(hyi_store_weights)(&outcome, half, u, v);
     }
+}
+
+/* Works out all hits of a packet. */
+HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
+    HYI_FW rows[9];
+    uint32_t axis[3];
+    hyi_group_axes(packet->group, axis);
+    HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
+    if (finds->count) HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v);
 }
 
 /* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
@@ -105,21 +109,12 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
 
 /* hyi_settle of all. */
 HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
-    float rows[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
-    HYI_FW corner_rows[9];
-    HYI_I(hyi_corner_all) corners[3];
+    float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
+    HYI_FW rows[9];
     hyi_packet packet;
-    for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, rows, i);
-    for (int i = 0; i < 9; i++) corner_rows[i] = HYI_LOADW(rows[i]);
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(&packet, corner_rows[3 * k], corner_rows[3 * k + 1], corner_rows[3 * k + 2]);
-    for (int half = 0; half < 2; half++) {
-        HYI_I(hyi_plane_half) plane;
-        HYI_I(hyi_outcome_half) outcome;
-        HYI_I(hyi_planes_half)(corner_rows, half, &plane);
-        HYI_I(hyi_confirm_half)(&packet, corners, &plane, half, &outcome);
-        HYI_STOREH(t, half, outcome.t);
-        HYI_I(hyi_store_weights)(&outcome, half, u, v);
-    }
+    for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
+    for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
+    HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
     for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
 }
 
