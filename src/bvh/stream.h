@@ -28,6 +28,8 @@
    takes a third longer than it takes all rays to meet one. */
 #define HYI_SOONER_EACH(rays, triangles) (4u * (rays) <= 3u * (triangles))
 
+#define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
+#define HYI_LARGE_TREE ((size_t)32 << 20)
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
 #define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 
@@ -80,12 +82,27 @@ typedef struct hyi_ray_stream {
 typedef struct hyi_swarm {
     hyi_site site;
     hyi_ray_stream *stream;
+    uint32_t *lists_end; /* of the memory for lists */
     const hyk_ray *rays; /* of packets; NULL: these are made of flights */
     hyi_flight *flights;
     hyi_packet *packets;
     uint32_t near_plane[3], axis[3]; /* of all packets on a list */
     bool any;
 } hyi_swarm;
+
+/* A node on the way of a list of flights: to each child goes a list, and children before next have been visited. */
+typedef struct hyi_frame {
+    const hyi_node *node;
+    uint32_t *lists, stride, count, hits; /* count: of all; hits: how often these met something nearer than before */
+    uint32_t next, children, dealt[HYI_WIDTH], order[HYI_WIDTH];
+} hyi_frame;
+
+/* A list of flights on its way down a tree. */
+typedef struct hyi_journey {
+    hyi_swarm swarm;
+    uint32_t depth;
+    hyi_frame frames[HYI_TREE_DEPTH];
+} hyi_journey;
 
 /* What the first of a slice of rays have become: those that meet nothing are neither. */
 typedef struct hyi_begun {

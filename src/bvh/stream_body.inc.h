@@ -3,7 +3,6 @@
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
    a list of flights down says how often these met something nearer than before. */
 
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space);
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space);
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
@@ -94,30 +93,6 @@ HYI_INLINE uint32_t HYI_I(hyi_leaves_of)(const hyi_node *node) {
     return leaves;
 }
 
-/* Children are visited nearest first; where any hit does, leaves come before all else, since they end rays the soonest. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_node_rays)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    const hyi_bvh *bvh = swarm->site.bvh;
-    const hyi_node *node = &bvh->nodes[at];
-    uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH], hits = 0;
-    float nearest[HYI_WIDTH];
-    HYI_I(hyi_deal_rays)(swarm, node, list, count, space, stride, dealt, nearest);
-    uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX))), children = hyi_count_bits(mask);
-    if (bvh->rows) HYI_I(hyi_prefetch_children)(bvh, node, mask);
-    uint32_t leaves = swarm->any ? HYI_I(hyi_leaves_of)(node) & mask : 0u;
-    for (uint32_t c = 0; leaves && c < HYI_WIDTH; c++) nearest[c] = leaves >> c & 1u ? -FLT_MAX : nearest[c];
-    HYI_I(hyi_order_children)(nearest, order);
-    for (uint32_t i = 0; i < children; i++) {
-        uint32_t c = order[i], *some = space + c * stride;
-        if (bvh->rows && hyi_child_is_leaf(node->child[c])) {
-            if (HYI_CULL_SHARE * hits >= count) dealt[c] = HYI_I(hyi_still_meet)(swarm, node, c, some, dealt[c]);
-            hits += HYI_I(hyi_list_leaf_rays)(swarm, node->child[c], some, dealt[c]);
-        } else {
-            hits += HYI_I(hyi_list_visit)(swarm, node->child[c], some, dealt[c], space + HYI_WIDTH * stride);
-        }
-    }
-    return hits;
-}
-
 HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
     const hyi_node *node = &swarm->site.bvh->nodes[at];
     uint32_t stride = (count + 15u) & ~15u, dealt[HYI_WIDTH] = {0}, order[HYI_WIDTH];
@@ -148,7 +123,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uin
 
 /* ---- instances */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any);
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any);
 
 /* The rays of a list go through what a box of the tree over instances stands for. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
@@ -167,7 +142,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t le
             entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
         }
     }
-    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), true, swarm->any);
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any);
     for (uint32_t i = 0; i < entered; i++) {
         hyi_flight *above = &swarm->flights[from[i]];
         if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
@@ -192,7 +167,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_one_by_one)(const hyi_swarm *swarm
 /* Sends a list of packets, which are only in trees of triangles, through the child at: one at a time where more would leave no
    room for lists of one on every level below. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
+    size_t room = (size_t)(swarm->lists_end - space);
     uint32_t some = room >= (size_t)HYI_WIDTH * (count + 15u) + HYI_LIST_RESERVE ? count : 1u;
     if (hyi_child_is_leaf(at)) {
         HYI_I(hyi_list_leaf_packets)(swarm, at, list, count, NULL, 0);
@@ -201,15 +176,96 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uin
     for (uint32_t first = 0; first < count; first += some) HYI_I(hyi_list_node_packets)(swarm, at, list + first, some, space);
 }
 
-/* Sends a list of flights through the child at; space: free memory for lists. Where that is short, they go one by one. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_visit)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    size_t room = (size_t)(swarm->stream->lists + swarm->stream->list_count - space);
-    bool fits = room >= (size_t)(HYI_WIDTH + 2u) * (count + 16u), leaf = hyi_child_is_leaf(at);
-    if (leaf && swarm->site.bvh->rows) return HYI_I(hyi_list_leaf_rays)(swarm, at, list, count);
-    if (!fits) return HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    if (!leaf) return HYI_I(hyi_list_node_rays)(swarm, at, list, count, space);
-    HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    return 0;
+/* Deals a list out at a node, which comes on top of a journey. Children are visited nearest first; where any hit does, leaves
+   come before all else, since they end rays the soonest. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
+    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_bvh *bvh = swarm->site.bvh;
+    const hyi_node *node = &bvh->nodes[at];
+    hyi_frame *frame = &journey->frames[journey->depth++];
+    float nearest[HYI_WIDTH];
+    frame->node = node;
+    frame->lists = space;
+    frame->stride = (count + 15u) & ~15u;
+    frame->count = count;
+    frame->hits = frame->next = 0;
+    memset(frame->dealt, 0, sizeof frame->dealt);
+    HYI_I(hyi_deal_rays)(swarm, node, list, count, space, frame->stride, frame->dealt, nearest);
+    uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
+    if (bvh->rows) HYI_I(hyi_prefetch_children)(bvh, node, mask);
+    uint32_t leaves = swarm->any ? HYI_I(hyi_leaves_of)(node) & mask : 0u;
+    for (uint32_t c = 0; leaves && c < HYI_WIDTH; c++) nearest[c] = leaves >> c & 1u ? -FLT_MAX : nearest[c];
+    HYI_I(hyi_order_children)(nearest, frame->order);
+    frame->children = hyi_count_bits(mask);
+}
+
+/* Sends a list on to what is no leaf of triangles; returns whether it has come to a node. Where memory for lists is short, rays go
+   one by one. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+    const hyi_swarm *swarm = &journey->swarm;
+    bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
+    if (!fits) {
+        *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    } else if (hyi_child_is_leaf(at)) {
+        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    } else {
+        HYI_I(hyi_arrive)(journey, at, list, count, space);
+        return true;
+    }
+    return false;
+}
+
+/* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
+    const hyi_swarm *swarm = &journey->swarm;
+    while (journey->depth) {
+        hyi_frame *frame = &journey->frames[journey->depth - 1u];
+        if (frame->next == frame->children) {
+            if (--journey->depth) frame[-1].hits += frame->hits;
+            continue;
+        }
+        uint32_t c = frame->order[frame->next++], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (!swarm->site.bvh->rows || !hyi_child_is_leaf(at)) {
+            if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+            continue;
+        }
+        uint32_t some = frame->dealt[c];
+        if (HYI_CULL_SHARE * frame->hits >= frame->count) some = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, some);
+        frame->hits += HYI_I(hyi_list_leaf_rays)(swarm, at, list, some);
+    }
+    return false;
+}
+
+/* Into how many parts a list is cut. Each has shorter lists, and visits more nodes for its rays: only waiting for memory is dearer,
+   and rays that any hit ends wait little. */
+HYI_INLINE uint32_t HYI_I(hyi_count_journeys)(const hyi_swarm *swarm, uint32_t count) {
+    bool waits = !swarm->any && swarm->site.bvh->bytes >= HYI_LARGE_TREE;
+    return waits && count >= HYI_JOURNEYS * HYI_STREAM_LEAST ? HYI_JOURNEYS : 1u;
+}
+
+/* Sends a list of flights through a tree with nodes, in parts that take turns: while what one comes to is on its way from memory,
+   the others go on. space: memory for lists, up to swarm->lists_end. */
+HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_journey journeys[HYI_JOURNEYS];
+    uint32_t parts = HYI_I(hyi_count_journeys)(swarm, count), share = (count + parts - 1u) / parts, hits = 0, going = 0;
+    size_t room = (size_t)(swarm->lists_end - space) / parts;
+    for (uint32_t k = 0; k < parts; k++) {
+        uint32_t first = k * share, some = count - first < share ? count - first : share;
+        journeys[k].swarm = *swarm;
+        journeys[k].swarm.lists_end = space + (k + 1u) * room;
+        journeys[k].depth = 0;
+        going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
+    }
+    while (going)
+        for (uint32_t k = 0; k < parts; k++)
+            if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
+}
+
+/* The same, of any tree. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_send)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
+    uint32_t root = swarm->site.bvh->root;
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) (void)HYI_I(hyi_list_leaf_rays)(swarm, root, list, count);
+    else HYI_I(hyi_travel)(swarm, list, count, space);
 }
 
 /* ---- all rays of a slice */
@@ -261,23 +317,24 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32
 }
 
 /* Sends the first count flights (deep: of those in instances) through the tree of site. */
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, bool deep, bool any) {
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any) {
     hyi_swarm swarm;
     uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
     swarm.stream = stream;
+    swarm.lists_end = lists_end;
     swarm.rays = NULL;
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if ((size_t)(stream->lists + stream->list_count - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
     if (deep) rest = HYI_I(hyi_run_alike_all)(&swarm, count, space, space + room);
     else
         for (uint32_t i = 0; i < count; i++) space[i] = i;
-    if (rest) (void)HYI_I(hyi_list_visit)(&swarm, site->bvh->root, space, rest, space + room);
+    if (rest) HYI_I(hyi_send)(&swarm, space, rest, space + room);
     if (!any && site->bvh->rows) HYI_I(hyi_settle_all)(site, swarm.flights, count);
 }
 
@@ -287,6 +344,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
     hyi_swarm swarm;
     swarm.site = *site;
     swarm.stream = stream;
+    swarm.lists_end = stream->lists + stream->list_count;
     swarm.rays = rays;
     swarm.flights = NULL;
     swarm.packets = stream->packets;
@@ -297,7 +355,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
-    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, false, swarm.any);
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
     for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }
