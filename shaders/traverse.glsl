@@ -191,17 +191,39 @@ double hyk_sum_products(dvec3 a, dvec3 b) {
     return all;
 }
 
-/* t at the plane through the corners, between t at the corners; false: the ray runs in the plane. */
-bool hyk_plane_distance(hyk_aim aim, vec3 a, vec3 b, vec3 c, out double t) {
-    dvec3 corner = dvec3(a);
-    precise dvec3 to_a = corner - dvec3(aim.origin), e = dvec3(b) - corner, f = dvec3(c) - corner;
+/* hyi_crossing */
+struct hyk_crossing { dvec3 a, e, f, n, t; double across, plane; };
+
+dvec3 hyk_normal(dvec3 e, dvec3 f) {
     precise dvec3 first = e.yzx * f.zxy, second = e.zxy * f.yzx, n = first - second;
+    return n;
+}
+
+hyk_crossing hyk_cross_plane(hyk_aim aim, vec3 a, vec3 b, vec3 c) {
+    dvec3 corner = dvec3(a), origin = dvec3(aim.origin);
+    precise dvec3 to_a = corner - origin, e = dvec3(b) - corner, f = dvec3(c) - corner;
+    dvec3 n = hyk_normal(e, f);
     double across = hyk_sum_products(n, dvec3(aim.direction));
     precise double plane = hyk_sum_products(n, to_a) / across;
-    precise dvec3 along = dvec3(to_a.z, double(b.z) - double(aim.origin.z), double(c.z) - double(aim.origin.z)) * aim.t_by_z;
+    precise dvec3 along = dvec3(to_a.z, double(b.z) - origin.z, double(c.z) - origin.z) * aim.t_by_z;
     double least = min(along.x, min(along.y, along.z)), most = max(along.x, max(along.y, along.z));
-    t = plane < least ? least : plane > most ? most : plane;
-    return across != 0.0LF;
+    return hyk_crossing(to_a, e, f, n, along, across, plane < least ? least : plane > most ? most : plane);
+}
+
+/* hyi_settle_distance */
+bool hyk_meets_inside(hyk_crossing x, vec3 direction) {
+    precise dvec3 on = x.plane * dvec3(direction), q = on - x.a;
+    double b = hyk_sum_products(hyk_normal(q, x.f), x.n), c = hyk_sum_products(hyk_normal(x.e, q), x.n);
+    precise double both = b + c;
+    return b >= 0.0LF && c >= 0.0LF && both <= hyk_sum_products(x.n, x.n);
+}
+
+/* t, in the tree's units, of a triangle whose edge functions have the sum given. */
+double hyk_distance(hyk_aim aim, hyk_crossing x, dvec3 edges, double sum) {
+    double total = hyk_sum_products(edges, x.t);
+    precise double expected = x.plane * sum, gap = expected - total;
+    precise double share = 4.76837158203125e-07LF * abs(x.t.x), trusted = share * abs(sum), mean = total / sum;
+    return abs(gap) > trusted && !hyk_meets_inside(x, aim.direction) ? mean : x.plane;
 }
 
 /* Whether the signs of the edge functions agree. Float first: rounding is monotone, so what differs in sign there does. */
@@ -229,16 +251,16 @@ bool hyk_may_hit(hyk_aim aim, hyk_slot slot) {
 float hyk_confirm(hyk_aim aim, hyk_slot slot, float t_min, float t_max, out vec2 weights) {
     vec3 a = hyk_turned(slot.a, aim.axis), b = hyk_turned(slot.b, aim.axis), c = hyk_turned(slot.c, aim.axis);
     hyk_sheared s = hyk_shear(aim, a, b, c);
-    double distance;
-    bool crosses = hyk_plane_distance(aim, a, b, c, distance);
-    float t = float(distance * aim.unit);
+    hyk_crossing x = hyk_cross_plane(aim, a, b, c);
     dvec3 edges = dvec3(hyk_cross_exact(s.c, s.b), hyk_cross_exact(s.a, s.c), hyk_cross_exact(s.b, s.a));
     precise double some = edges.x + edges.y;
     precise double sum = some + edges.z;
+    precise double distance = hyk_distance(aim, x, edges, sum) * aim.unit;
+    float t = float(distance);
     bool below = any(lessThan(edges, dvec3(0.0LF))), above = any(greaterThan(edges, dvec3(0.0LF)));
     precise double inverse = 1.0LF / sum;
     weights = vec2(edges.yz * inverse);
-    return crosses && t >= t_min && t <= t_max && !(below && above) && sum != 0.0LF ? t : HYK_NO_HIT;
+    return x.across != 0.0LF && t >= t_min && t <= t_max && !(below && above) && sum != 0.0LF ? t : HYK_NO_HIT;
 }
 
 bool hyk_beats(hyk_best best, float t, uint instance, uint primitive) {

@@ -8,6 +8,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh
     float reaches[4];
     HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
     HYI_STORE4(reaches, reach);
+    aim->noise = HYI_SHEAR_NOISE * (reaches[0] + reaches[1] + reaches[2]);
     HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
     bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);

@@ -142,7 +142,7 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const HYI_FD n[3], con
     return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(n[2], v[2]))));
 }
 
-/* The plane of a triangle, or of one a lane, as hyi_plane_distance works it out: a corner, the normal, and z of the others. */
+/* The plane of a triangle, or of one a lane, as hyi_cross_plane works it out: a corner, the normal, and z of the others. */
 typedef struct HYI_I(hyi_plane_half) {
     HYI_FD corner[3], n[3], z[2];
 } HYI_I(hyi_plane_half);
@@ -151,6 +151,7 @@ typedef struct HYI_I(hyi_plane_half) {
 typedef struct HYI_I(hyi_outcome_half) {
     HYI_FD t, b, c, sum; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
     uint32_t hit;        /* bits of the rays that hit */
+    uint32_t doubtful;   /* of those whose t hyi_confirm has to settle */
 } HYI_I(hyi_outcome_half);
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
@@ -170,17 +171,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, con
     HYI_FD across = HYI_I(hyi_sum_products_half)(plane->n, direction);
     HYI_FD distance = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(plane->n, to_corner), across));
     HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
-    HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
-    for (int i = 0; i < 2; i++) {
-        HYI_FD at = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i], origin_z)), t_by_z));
-        least = HYI_MIND(at, least);
-        most = HYI_MAXD(at, most);
+    HYI_FD at[3] = {HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), zero, zero}, least = at[0], most = at[0];
+    for (int i = 1; i < 3; i++) {
+        at[i] = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i - 1], origin_z)), t_by_z));
+        least = HYI_MIND(at[i], least);
+        most = HYI_MAXD(at[i], most);
     }
-    outcome->t = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
+    distance = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_cross_plane keeps it */
+    const HYI_FD w[3] = {a, b, c};
+    HYI_FD gap = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(distance, sum)), HYI_I(hyi_sum_products_half)(w, at)));
+    HYI_FD trusted = HYI_PIND(HYI_MULD(HYI_PIND(HYI_MULD(HYI_SETD(HYI_PLANE_TRUST), HYI_MAXD(at[0], HYI_SUBD(zero, at[0])))), HYI_MAXD(sum, HYI_SUBD(zero, sum))));
+    outcome->t = distance;
     outcome->b = b;
     outcome->c = c;
     outcome->sum = sum;
     outcome->hit = ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+    outcome->doubtful = outcome->hit & (HYI_LTD(trusted, gap) | HYI_LTD(gap, HYI_SUBD(zero, trusted)));
+    if (HYI_ZEROS_ALIKE) outcome->doubtful |= outcome->hit & ~(HYI_LTD(distance, zero) | HYI_LTD(zero, distance));
 }
 
 /* u and v of a hit, by half. */
@@ -239,6 +246,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_pac
         if (!some) continue;
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
+        for (uint32_t left = some & outcome.doubtful; left; left &= left - 1u) {
+            uint32_t lane = base + hyi_lowest_bit(left);
+            t[lane] = hyi_settle_lane(packet, swarm->site.bvh, swarm->axis, lane, leaf, triangle);
+        }
         if (swarm->site.asks_alpha) HYI_I(hyi_store_weights)(&outcome, half, u, v);
         for (some &= outcome.hit; some; some &= some - 1u) {
             uint32_t lane = base + hyi_lowest_bit(some);

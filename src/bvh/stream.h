@@ -182,6 +182,24 @@ HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
     for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
 }
 
+/* t of a ray of a packet at a triangle that it hits, where vectors do not decide: by hyi_confirm. */
+HYI_NOINLINE float hyi_settle_lane(const hyi_packet *packet, const hyi_bvh *bvh, const uint32_t *axis, uint32_t lane, uint32_t leaf, uint32_t triangle) {
+    hyi_aim aim;
+    float weights[2];
+    double n[3];
+    for (int i = 0; i < 3; i++) {
+        aim.axis[i] = axis[i];
+        aim.origin[i] = packet->origin[i][lane];
+        aim.direction[i] = packet->direction[i][lane];
+    }
+    aim.shear[0] = packet->shear[0][lane];
+    aim.shear[1] = packet->shear[1][lane];
+    aim.t_by_z = packet->t_by_z[lane];
+    aim.unit = 1.0;
+    aim.noise = 0.0f;
+    return hyi_confirm(&aim, hyi_leaf_rows(bvh, leaf), hyi_leaf_count(leaf), triangle, -FLT_MAX, FLT_MAX, weights, n);
+}
+
 /* ---- beginning */
 
 /* Of flights side by side, keeps those whose bits are set; returns how many these are. */

@@ -10,9 +10,11 @@
    decided by hyi_confirm in double, where products of two floats are exact: signs are then exact for the
    sheared corners, and u, v keep their bits on needles. t comes from the plane of the unsheared corners: a
    ray that starts exactly in the plane of a triangle gets t 0, and one that starts off it by a rounding of
-   float gets the right sign; where a far origin leaves the sheared corners coarse, it is kept between t at the corners, so
-   that a hit never lies outside of its box. Every rounding in it is pinned, so no compiler flag or instruction set changes
-   a bit.
+   float gets the right sign. A ray that passes beside a triangle by less than the sheared corners are rounded
+   may count as a hit, and meets the plane away from the triangle, far away if it nearly runs in it. There t
+   follows the edge functions instead (hyi_settle_distance): a hit lies on a part of its triangle, within what
+   slabs are thicker by, and so in a leaf that holds that part, however the tree is walked. Every rounding
+   is pinned, so no compiler flag or instruction set changes a bit.
 
    Of most triangles float can also tell that they are hit, and where about (hyi_judge_triangles): such a hit ends a ray that
    asks for any, and otherwise is put off, and worked out only if none that is certainly nearer comes after it. */
@@ -35,6 +37,16 @@
 #define HYI_EDGE_LEAST 1.0e-30f
 #define HYI_T_NOISE 9.5367431640625e-07f   /* 2^-20 */
 
+#define HYI_PLANE_TRUST 4.76837158203125e-07 /* 2^-21: so little of t at a corner is within the slabs' bound */
+#define HYI_SHEAR_NOISE 1.9073486328125e-06f /* 2^-19: more than a sheared corner is off by, of its distances on all axes */
+
+/* Whether the compiler may give either of two zeros as the lesser of both. */
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST)
+#define HYI_ZEROS_ALIKE 1
+#else
+#define HYI_ZEROS_ALIKE 0
+#endif
+
 #define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
 
 /* A ray in the units of one tree. t here times unit is t of the ray. Planes are met at t = plane * inverse + offset. */
@@ -50,7 +62,8 @@ typedef struct hyi_aim {
     float direction[3];                   /* in the order of axis */
     uint32_t leaf, lane;                  /* a triangle that is certainly hit before all others so far, but not worked out yet; leaf 0: none */
     uint32_t exact;                       /* 1: unit is not 1, and float tells nothing of triangles */
-    uint32_t unused[2];                   /* fills the second cache line */
+    float noise;                          /* more than sheared corners are off their places; 0: not known */
+    uint32_t unused;                      /* fills the second cache line */
     double t_by_z;                        /* inverse_z unrounded */
     double unit, inverse_unit;
 } hyi_aim;
@@ -111,19 +124,20 @@ HYI_INLINE float hyi_reach(const hyi_box *box, float origin, int axis, bool loos
     return below > above ? below : above;
 }
 
-/* Slabs. A sheared corner is off by at most 4 x 2^-24 of its distance across plus along the ray, t by a few
-   ulps of the distance: 2^-20 covers both and the rounding of the slabs themselves. 2^-22 of the origin makes
-   the moved one really differ, and covers the rounding of plane * inverse and of the offset. A direction of
-   (nearly) zero becomes 2^-60, whose slabs end beyond the reach of the others: they are never NaN, and an
-   origin on a plane lies inside by the bound. */
+/* Slabs. In 2^-24: a sheared corner is off by at most 2 of its distance across and 4 of that along the ray; t is off the mean
+   that HYI_PLANE_TRUST compares it with by at most 8 of the latter; the slabs' own rounding takes 3 of the distance across and
+   3 of the origin. 16 and 4 cover all, and make the moved origin really differ. A direction of (nearly) zero becomes 2^-60,
+   whose slabs end beyond the reach of the others: they are never NaN, and an origin on a plane lies inside by the bound. */
 HYI_INLINE float hyi_slab_bound(float reach, float along, float origin) {
     return HYI_SLAB_BOUND * (reach + along) + 2.0f * HYI_ULP * fabsf(origin);
 }
 
 HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, const float *d, bool loose) {
     float along = hyi_reach(box, o[aim->axis[2]], (int)aim->axis[2], loose);
+    aim->noise = 0.0f;
     for (int a = 0; a < 3; a++) {
-        float bound = hyi_slab_bound(hyi_reach(box, o[a], a, loose), along, o[a]);
+        float reach = hyi_reach(box, o[a], a, loose), bound = hyi_slab_bound(reach, along, o[a]);
+        aim->noise += HYI_SHEAR_NOISE * reach;
         float steady = fabsf(d[a]) >= HYI_STEADY ? d[a] : d[a] < 0.0f ? -HYI_STEADY : HYI_STEADY;
         bool falls = steady < 0.0f;
         aim->inverse[a] = 1.0f / steady;
@@ -210,30 +224,60 @@ HYI_INLINE void hyi_normal(const double e[3], const double f[3], double n[3]) {
     for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
 }
 
-/* t, in the tree's units, at the plane through a triangle's corners, whose x, y, z (in the order of axis) lie stride
-   floats apart, but within t at the corners; false: the ray runs in the plane. n: its normal, in the same order. */
-HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double *t, double n[3]) {
-    double a[3], e[3], f[3];
+/* A triangle and its plane as a ray meets them, in the order of axis and the tree's units. */
+typedef struct hyi_crossing {
+    double a[3], e[3], f[3]; /* a corner from the ray's origin, and the edges that begin there */
+    double n[3], across;     /* the normal, and the direction's part along it; 0: the ray runs in the plane */
+    double t[3], least, most; /* at the corners */
+    double plane;            /* t at the plane, but between least and most */
+} hyi_crossing;
+
+/* Corners' x, y, z lie stride floats apart. */
+HYI_INLINE void hyi_cross_plane(const hyi_aim *aim, const float *rows, uint32_t stride, hyi_crossing *x) {
     for (int i = 0; i < 3; i++) {
         const float *row = rows + aim->axis[i] * stride;
         double corner = (double)row[0];
-        a[i] = hyi_rounded_double(corner - (double)aim->origin[i]);
-        e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
-        f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
+        x->a[i] = hyi_rounded_double(corner - (double)aim->origin[i]);
+        x->e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
+        x->f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
     }
-    hyi_normal(e, f, n);
-    double across = hyi_sum_products(n[0], (double)aim->direction[0], n[1], (double)aim->direction[1], n[2], (double)aim->direction[2]);
-    if (across == 0.0) return false;
-    double plane = hyi_rounded_double(hyi_sum_products(n[0], a[0], n[1], a[1], n[2], a[2]) / across);
-    double least = hyi_rounded_double(a[2] * aim->t_by_z), most = least;
+    hyi_normal(x->e, x->f, x->n);
+    const double d[3] = {(double)aim->direction[0], (double)aim->direction[1], (double)aim->direction[2]};
+    x->across = hyi_sum_products(x->n[0], d[0], x->n[1], d[1], x->n[2], d[2]);
+    if (x->across == 0.0) return;
+    double plane = hyi_rounded_double(hyi_sum_products(x->n[0], x->a[0], x->n[1], x->a[1], x->n[2], x->a[2]) / x->across);
+    x->least = x->most = x->t[0] = hyi_rounded_double(x->a[2] * aim->t_by_z);
     for (uint32_t k = 1; k < 3; k++) {
         double to_corner = hyi_rounded_double((double)rows[(aim->axis[2] + 3u * k) * stride] - (double)aim->origin[2]);
-        double at = hyi_rounded_double(to_corner * aim->t_by_z);
-        least = at < least ? at : least;
-        most = at > most ? at : most;
+        double at = x->t[k] = hyi_rounded_double(to_corner * aim->t_by_z);
+        x->least = at < x->least ? at : x->least;
+        x->most = at > x->most ? at : x->most;
     }
-    *t = plane < least ? least : plane > most ? most : plane;
-    return true;
+    x->plane = plane < x->least ? x->least : plane > x->most ? x->most : plane;
+    if (HYI_ZEROS_ALIKE && plane == 0.0 && x->plane == 0.0) x->plane = hyi_rounded_double(plane);
+}
+
+/* Whether t at the plane is so far beyond one of the limits that another t would be too: a mean of t at the corners by the edge
+   functions is off that by no more than a sheared corner is off its place, times the slope of the plane. */
+HYI_INLINE bool hyi_surely_beyond(const hyi_aim *aim, const hyi_crossing *x, float t_min, float t_max) {
+    double plane = x->plane * aim->unit, beyond = plane > (double)t_max ? plane - (double)t_max : (double)t_min - plane;
+    double noise = (double)aim->noise * (fabs(x->n[0]) + fabs(x->n[1]) + fabs(x->n[2]));
+    return aim->noise > 0.0f && beyond * fabs(x->across) > noise * aim->unit;
+}
+
+/* t of a triangle that is hit, where that at its plane differs from the mean by its edge functions, total / sum: the plane's,
+   if the ray meets that within the triangle, up to roundings of double. */
+HYI_NOINLINE double hyi_settle_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double total, double sum) {
+    hyi_crossing x;
+    double q[3], u[3], v[3];
+    hyi_cross_plane(aim, rows, stride, &x);
+    for (int i = 0; i < 3; i++) q[i] = hyi_rounded_double(hyi_rounded_double(x.plane * (double)aim->direction[i]) - x.a[i]);
+    hyi_normal(q, x.f, u);
+    hyi_normal(x.e, q, v);
+    double b = hyi_sum_products(u[0], x.n[0], u[1], x.n[1], u[2], x.n[2]);
+    double c = hyi_sum_products(v[0], x.n[0], v[1], x.n[1], v[2], x.n[2]);
+    bool inside = b >= 0.0 && c >= 0.0 && hyi_rounded_double(b + c) <= hyi_sum_products(x.n[0], x.n[0], x.n[1], x.n[1], x.n[2], x.n[2]);
+    return inside ? x.plane : hyi_rounded_double(total / sum);
 }
 
 /* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT where that is not within t_min and
@@ -241,20 +285,26 @@ HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32
 HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2],
                              double n[3]) {
     float ax, ay, bx, by, cx, cy;
-    double distance;
+    hyi_crossing x;
     rows += lane;
-    if (!hyi_plane_distance(aim, rows, stride, &distance, n)) return HYI_NO_HIT;
-    float t = (float)hyi_rounded_double(distance * aim->unit);
-    if (!(t >= t_min && t <= t_max)) return HYI_NO_HIT;
+    hyi_cross_plane(aim, rows, stride, &x);
+    if (x.across == 0.0) return HYI_NO_HIT;
+    float t = (float)hyi_rounded_double(x.plane * aim->unit);
+    if (!(t >= t_min && t <= t_max) && hyi_surely_beyond(aim, &x, t_min, t_max)) return HYI_NO_HIT;
     hyi_shear_corner(aim, rows, stride, &ax, &ay);
     hyi_shear_corner(aim, rows + 3u * stride, stride, &bx, &by);
     hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
-    double a = hyi_cross_exact(cx, by, cy, bx), b = hyi_cross_exact(ax, cy, ay, cx), c = hyi_cross_exact(bx, ay, by, ax);
-    double sum = hyi_rounded_double(hyi_rounded_double(a + b) + c);
-    if (((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) || sum == 0.0) return HYI_NO_HIT;
-    double inverse = hyi_rounded_double(1.0 / sum);
-    weights[0] = (float)(b * inverse);
-    weights[1] = (float)(c * inverse);
+    const double w[3] = {hyi_cross_exact(cx, by, cy, bx), hyi_cross_exact(ax, cy, ay, cx), hyi_cross_exact(bx, ay, by, ax)};
+    double sum = hyi_rounded_double(hyi_rounded_double(w[0] + w[1]) + w[2]);
+    if (((w[0] < 0.0 || w[1] < 0.0 || w[2] < 0.0) && (w[0] > 0.0 || w[1] > 0.0 || w[2] > 0.0)) || sum == 0.0) return HYI_NO_HIT;
+    double inverse = hyi_rounded_double(1.0 / sum), total = hyi_sum_products(w[0], x.t[0], w[1], x.t[1], w[2], x.t[2]);
+    double gap = hyi_rounded_double(hyi_rounded_double(x.plane * sum) - total);
+    if (HYI_UNLIKELY(fabs(gap) > hyi_rounded_double(hyi_rounded_double(HYI_PLANE_TRUST * fabs(x.t[0])) * fabs(sum))))
+        t = (float)hyi_rounded_double(hyi_settle_distance(aim, rows, stride, total, sum) * aim->unit);
+    if (!(t >= t_min && t <= t_max)) return HYI_NO_HIT;
+    weights[0] = (float)(w[1] * inverse);
+    weights[1] = (float)(w[2] * inverse);
+    for (int i = 0; i < 3; i++) n[i] = x.n[i];
     return t;
 }
 

@@ -45,9 +45,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half
     plane->z[1] = HYI_HALFD(rows[8], half);
 }
 
-/* hyi_confirm for all lanes of a packet, each with its own triangle. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
+/* hyi_confirm for all lanes of a packet, each with its own triangle. Returns bits of those whose t it has to settle itself. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
     HYI_I(hyi_corner_all) corners[3];
+    uint32_t doubtful = 0;
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
@@ -56,7 +57,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, con
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         HYI_I(hyi_store_weights)(&outcome, half, u, v);
+        doubtful |= outcome.doubtful << (uint32_t)half * (HYI_LANES / 2u);
     }
+    return doubtful;
 }
 
 /* Works out all hits of a packet. */
@@ -65,7 +68,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
     HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
-    if (finds->count) HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v);
+    if (finds->count == 0) return;
+    for (uint32_t left = HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v); left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        finds->t[lane] = hyi_settle_lane(packet, swarm->site.bvh, axis, lane, packet->leaf.word[lane], packet->triangle.word[lane]);
+    }
 }
 
 /* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
@@ -114,8 +121,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_p
     hyi_packet packet;
     for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
     for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
-    HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
-    for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
+    for (uint32_t i = 0; i < some->count; i++) {
+        if (doubtful >> i & 1u) hyi_settle(site, some->flights[i]);
+        else HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+    }
 }
 
 /* Works out what the first count flights have put off, as many at a time as there are lanes, while the triangles of as many more

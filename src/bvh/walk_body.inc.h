@@ -84,7 +84,8 @@ typedef struct HYI_I(hyi_verdicts) {
 /* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
-   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
+   difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
