@@ -92,19 +92,22 @@ void hyk_aim_shear(inout hyk_aim aim, vec3 o, vec3 d) {
     aim.shear = vec2(shear);
 }
 
-/* The farthest t worth visiting, rounded outwards. */
-void hyk_aim_limit(inout hyk_aim aim, float t) {
-    float here = float(double(min(t, 3.402823466e+38)) * aim.inverse_unit);
-    aim.t_far = here + 4.0 * HYK_ULP * abs(here);
+/* hyi_aim_t */
+float hyk_aim_t(hyk_aim aim, float t, float sign) {
+    double least = aim.inverse_unit > 1.0LF ? double(sign) * 1.40129846432481707e-45LF : 0.0LF;
+    float here = float((double(t) + least) * aim.inverse_unit);
+    return here + sign * 4.0 * HYK_ULP * abs(here);
 }
+
+/* The farthest t worth visiting. */
+void hyk_aim_limit(inout hyk_aim aim, float t) { aim.t_far = hyk_aim_t(aim, min(t, 3.402823466e+38), 1.0); }
 
 /* False: the ray has no direction, or the tree nothing in it. */
 bool hyk_aim_at(out hyk_aim aim, hyk_tree tree, vec3 origin, vec3 direction, float t_min, float t_max, bool loose) {
     if (tree.first_node == HYK_TREE_EMPTY || !hyk_aim_scale(aim, tree.scale, origin, direction)) return false;
     hyk_aim_shear(aim, origin, direction);
     hyk_aim_slabs(aim, tree, origin, direction, loose);
-    float here = float(double(t_min) * aim.inverse_unit);
-    aim.t_near = here - 4.0 * HYK_ULP * abs(here);
+    aim.t_near = hyk_aim_t(aim, t_min, -1.0);
     hyk_aim_limit(aim, t_max);
     return true;
 }

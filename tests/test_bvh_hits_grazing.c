@@ -60,18 +60,22 @@ static uint32_t tb_expect_one_answer(tb_scene *s, hyk_ray *rays, uint32_t count)
     return found;
 }
 
-/* From somewhere in the plane of a triangle to somewhere on it, as floats have them; some from afar, some beside the plane. */
-static hyk_ray tb_grazing_ray(ht_rng *rng, const ht_mesh *mesh) {
+/* From somewhere in the plane of a triangle to somewhere on it, as floats have them; some from afar, some beside the plane.
+   apart: how far what rays of a block go to lies apart, in triangles. */
+static void tb_grazing_block(ht_rng *rng, const ht_mesh *mesh, float apart, hyk_ray rays[16]) {
     const uint32_t *t = mesh->indices + 3 * ht_below(rng, mesh->index_count / 3);
     const float *p = mesh->positions + 3 * t[0], *q = mesh->positions + 3 * t[1], *r = mesh->positions + 3 * t[2];
-    float b = ht_range(rng, 0, 1), c = ht_range(rng, 0, 1 - b), u = ht_range(rng, -2, 2), v = ht_range(rng, -2, 2), o[3], d[3];
+    float u = ht_range(rng, -2, 2), v = ht_range(rng, -2, 2), b = ht_range(rng, 0, 1), c = ht_range(rng, 0, 1 - b), o[3], d[3];
     float away = ht_below(rng, 2) ? 1 : ht_range(rng, 1, 100), beside = ht_below(rng, 2) ? 0 : ldexpf(1, -(int)ht_below(rng, 24));
     for (int a = 0; a < 3; a++) {
-        float to = p[a] + b * (q[a] - p[a]) + c * (r[a] - p[a]), from = p[a] + u * (q[a] - p[a]) + v * (r[a] - p[a]);
+        float from = p[a] + u * (q[a] - p[a]) + v * (r[a] - p[a]), to = p[a] + b * (q[a] - p[a]) + c * (r[a] - p[a]);
         o[a] = to + (from - to) * away + beside * ht_range(rng, -1, 1);
-        d[a] = to - o[a];
     }
-    return tb_ray(o, d, 0, INFINITY);
+    for (int i = 0; i < 16; i++) {
+        float x = b + apart * ht_range(rng, -1, 1), y = c + apart * ht_range(rng, -1, 1);
+        for (int a = 0; a < 3; a++) d[a] = p[a] + x * (q[a] - p[a]) + y * (r[a] - p[a]) - o[a];
+        rays[i] = tb_ray(o, d, 0, INFINITY);
+    }
 }
 
 /* Triangles right across others are split over many leaves, and t of a ray that nearly runs in the plane of one is only as good
@@ -82,14 +86,14 @@ static void grazing_rays_have_one_answer(void **state) {
     static hyk_ray rays[TB_GRAZING];
     const float sizes[] = {0.5f, 0.02f, 1e-4f};
     ht_rng rng = ht_rng_make(17);
-    uint32_t count = ht_pick(TB_GRAZING, 1000), split = 0;
+    uint32_t count = ht_pick(TB_GRAZING, 1600), split = 0;
     for (uint32_t k = 0; k <= HYI_COUNT(sizes); k++) {
         ht_mesh mesh = ht_soup(&rng, 300, 1, 0.3f), across = k < HYI_COUNT(sizes) ? tb_needles(&rng, 60, sizes[k]) : ht_soup(&rng, 60, 1, 1);
         ht_mesh_append(&mesh, &across);
         ht_mesh_free(&across);
         tb_single(&s, mesh);
         split += s.bvh[0].slot_count - s.bvh[0].primitive_count;
-        for (uint32_t i = 0; i < count; i++) rays[i] = tb_grazing_ray(&rng, &s.mesh[0]);
+        for (uint32_t i = 0; i < count; i += 16) tb_grazing_block(&rng, &s.mesh[0], i % 64 ? 0.02f : 1, rays + i);
         assert_true(tb_expect_one_answer(&s, rays, count) > count);
         tb_end(&s);
     }
@@ -127,10 +131,31 @@ static void rays_that_begin_in_a_plane_meet_it_at_zero(void **state) {
     tb_end(&s);
 }
 
+/* All at t 0, however far apart: a float has nothing between. Catches: boxes left out because of a t that is less than theirs. */
+static void distances_that_underflow_leave_no_choice(void **state) {
+    (void)state;
+    static tb_scene s;
+    static hyk_ray rays[TB_GRAZING];
+    ht_rng rng = ht_rng_make(19);
+    ht_mesh mesh = ht_soup(&rng, 500, 1, 0.5f);
+    ht_mesh_place(&mesh, 1e-30f, 0, 0, 0);
+    tb_single(&s, mesh);
+    for (uint32_t i = 0; i < 500; i++) {
+        rays[i] = tb_random_ray(&rng, 1);
+        rays[i].origin = hyk_scale(rays[i].origin, 1e-30f);
+        rays[i].direction = hyk_scale(rays[i].direction, i % 2 ? 1e15f : 1e30f);
+        rays[i].t_max = INFINITY;
+        rays[i].t_min = 0;
+    }
+    assert_true(tb_expect_one_answer(&s, rays, 500) > 300);
+    tb_end(&s);
+}
+
 int hydra_test_bvh_hits_grazing(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(grazing_rays_have_one_answer),
         cmocka_unit_test(rays_that_begin_in_a_plane_meet_it_at_zero),
+        cmocka_unit_test(distances_that_underflow_leave_no_choice),
     };
     return cmocka_run_group_tests_name("bvh_hits_grazing", tests, NULL, NULL);
 }

@@ -31,6 +31,7 @@
 #define HYI_SHORTEST 9.31322574615478515625e-10f /* 2^-30 */
 #define HYI_LONGEST 1073741824.0f            /* 2^30: directions between these keep their length */
 #define HYI_STEADY 8.67361737988403547e-19f  /* 2^-60: the smallest direction component */
+#define HYI_T_LEAST 1.40129846432481707e-45  /* 2^-149: the smallest t above 0 */
 
 /* Bounds of what float gets wrong: see hyi_judge_triangles. */
 #define HYI_EDGE_NOISE 3.814697265625e-06f /* 2^-18 */
@@ -166,11 +167,16 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     hyi_aim_along(aim);
 }
 
-/* The farthest t worth visiting, rounded outwards. */
-HYI_INLINE void hyi_aim_limit(hyi_aim *aim, float t) {
-    float here = (float)((double)(t < FLT_MAX ? t : FLT_MAX) * aim->inverse_unit);
-    aim->t_far = here + 4.0f * HYI_ULP * fabsf(here);
+/* A t of the ray in the tree's units, moved up or down by more than a t that is compared with it has been rounded by: that of
+   a long direction may have underflowed. */
+HYI_INLINE float hyi_aim_t(const hyi_aim *aim, float t, float sign) {
+    double least = aim->inverse_unit > 1.0 ? (double)sign * HYI_T_LEAST : 0.0;
+    float here = (float)(((double)t + least) * aim->inverse_unit);
+    return here + sign * 4.0f * HYI_ULP * fabsf(here);
 }
+
+/* The farthest t worth visiting. */
+HYI_INLINE void hyi_aim_limit(hyi_aim *aim, float t) { aim->t_far = hyi_aim_t(aim, t < FLT_MAX ? t : FLT_MAX, 1.0f); }
 
 /* Makes a ray ready for a tree that is not empty; false: it has no direction and hits nothing. */
 HYI_NOINLINE bool hyi_aim_at(hyi_aim *aim, const hyi_bvh *bvh, const float *origin, const float *direction,
@@ -179,8 +185,7 @@ HYI_NOINLINE bool hyi_aim_at(hyi_aim *aim, const hyi_bvh *bvh, const float *orig
     if (!hyi_scale_ray(aim, bvh->scale, origin, direction, o, d)) return false;
     hyi_aim_shear(aim, o, d);
     hyi_aim_slabs(aim, &bvh->scaled, o, d, loose);
-    float here = (float)((double)t_min * aim->inverse_unit);
-    aim->t_near = here - 4.0f * HYI_ULP * fabsf(here);
+    aim->t_near = hyi_aim_t(aim, t_min, -1.0f);
     hyi_aim_limit(aim, t_max);
     return true;
 }
