@@ -8654,9 +8654,11 @@ HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions
    decided by hyi_confirm in double, where products of two floats are exact: signs are then exact for the
    sheared corners, and u, v keep their bits on needles. t comes from the plane of the unsheared corners: a
    ray that starts exactly in the plane of a triangle gets t 0, and one that starts off it by a rounding of
-   float gets the right sign; where a far origin leaves the sheared corners coarse, it is kept between t at the corners, so
-   that a hit never lies outside of its box. Every rounding in it is pinned, so no compiler flag or instruction set changes
-   a bit.
+   float gets the right sign. A ray that passes beside a triangle by less than the sheared corners are rounded
+   may count as a hit, and meets the plane away from the triangle, far away if it nearly runs in it. There t
+   follows the edge functions instead (hyi_settle_distance): a hit lies on a part of its triangle, within what
+   slabs are thicker by, and so in a leaf that holds that part, however the tree is walked. Every rounding
+   is pinned, so no compiler flag or instruction set changes a bit.
 
    Of most triangles float can also tell that they are hit, and where about (hyi_judge_triangles): such a hit ends a ray that
    asks for any, and otherwise is put off, and worked out only if none that is certainly nearer comes after it. */
@@ -8670,11 +8672,22 @@ HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions
 #define HYI_SHORTEST 9.31322574615478515625e-10f /* 2^-30 */
 #define HYI_LONGEST 1073741824.0f            /* 2^30: directions between these keep their length */
 #define HYI_STEADY 8.67361737988403547e-19f  /* 2^-60: the smallest direction component */
+#define HYI_T_LEAST 1.40129846432481707e-45  /* 2^-149: the smallest t above 0 */
 
 /* Bounds of what float gets wrong: see hyi_judge_triangles. */
 #define HYI_EDGE_NOISE 3.814697265625e-06f /* 2^-18 */
 #define HYI_EDGE_LEAST 1.0e-30f
 #define HYI_T_NOISE 9.5367431640625e-07f   /* 2^-20 */
+
+#define HYI_PLANE_TRUST 4.76837158203125e-07 /* 2^-21: so little of t at a corner is within the slabs' bound */
+#define HYI_SHEAR_NOISE 1.9073486328125e-06f /* 2^-19: more than a sheared corner is off by, of its distances on all axes */
+
+/* Whether the compiler may give either of two zeros as the lesser of both. */
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST)
+#define HYI_ZEROS_ALIKE 1
+#else
+#define HYI_ZEROS_ALIKE 0
+#endif
 
 #define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
 
@@ -8691,7 +8704,8 @@ typedef struct hyi_aim {
     float direction[3];                   /* in the order of axis */
     uint32_t leaf, lane;                  /* a triangle that is certainly hit before all others so far, but not worked out yet; leaf 0: none */
     uint32_t exact;                       /* 1: unit is not 1, and float tells nothing of triangles */
-    uint32_t unused[2];                   /* fills the second cache line */
+    float noise;                          /* more than sheared corners are off their places; 0: not known */
+    uint32_t unused;                      /* fills the second cache line */
     double t_by_z;                        /* inverse_z unrounded */
     double unit, inverse_unit;
 } hyi_aim;
@@ -8752,19 +8766,20 @@ HYI_INLINE float hyi_reach(const hyi_box *box, float origin, int axis, bool loos
     return below > above ? below : above;
 }
 
-/* Slabs. A sheared corner is off by at most 4 x 2^-24 of its distance across plus along the ray, t by a few
-   ulps of the distance: 2^-20 covers both and the rounding of the slabs themselves. 2^-22 of the origin makes
-   the moved one really differ, and covers the rounding of plane * inverse and of the offset. A direction of
-   (nearly) zero becomes 2^-60, whose slabs end beyond the reach of the others: they are never NaN, and an
-   origin on a plane lies inside by the bound. */
+/* Slabs. In 2^-24: a sheared corner is off by at most 2 of its distance across and 4 of that along the ray; t is off the mean
+   that HYI_PLANE_TRUST compares it with by at most 8 of the latter; the slabs' own rounding takes 3 of the distance across and
+   3 of the origin. 16 and 4 cover all, and make the moved origin really differ. A direction of (nearly) zero becomes 2^-60,
+   whose slabs end beyond the reach of the others: they are never NaN, and an origin on a plane lies inside by the bound. */
 HYI_INLINE float hyi_slab_bound(float reach, float along, float origin) {
     return HYI_SLAB_BOUND * (reach + along) + 2.0f * HYI_ULP * fabsf(origin);
 }
 
 HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, const float *d, bool loose) {
     float along = hyi_reach(box, o[aim->axis[2]], (int)aim->axis[2], loose);
+    aim->noise = 0.0f;
     for (int a = 0; a < 3; a++) {
-        float bound = hyi_slab_bound(hyi_reach(box, o[a], a, loose), along, o[a]);
+        float reach = hyi_reach(box, o[a], a, loose), bound = hyi_slab_bound(reach, along, o[a]);
+        aim->noise += HYI_SHEAR_NOISE * reach;
         float steady = fabsf(d[a]) >= HYI_STEADY ? d[a] : d[a] < 0.0f ? -HYI_STEADY : HYI_STEADY;
         bool falls = steady < 0.0f;
         aim->inverse[a] = 1.0f / steady;
@@ -8793,11 +8808,16 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
     hyi_aim_along(aim);
 }
 
-/* The farthest t worth visiting, rounded outwards. */
-HYI_INLINE void hyi_aim_limit(hyi_aim *aim, float t) {
-    float here = (float)((double)(t < FLT_MAX ? t : FLT_MAX) * aim->inverse_unit);
-    aim->t_far = here + 4.0f * HYI_ULP * fabsf(here);
+/* A t of the ray in the tree's units, moved up or down by more than a t that is compared with it has been rounded by: that of
+   a long direction may have underflowed. */
+HYI_INLINE float hyi_aim_t(const hyi_aim *aim, float t, float sign) {
+    double least = aim->inverse_unit > 1.0 ? (double)sign * HYI_T_LEAST : 0.0;
+    float here = (float)(((double)t + least) * aim->inverse_unit);
+    return here + sign * 4.0f * HYI_ULP * fabsf(here);
 }
+
+/* The farthest t worth visiting. */
+HYI_INLINE void hyi_aim_limit(hyi_aim *aim, float t) { aim->t_far = hyi_aim_t(aim, t < FLT_MAX ? t : FLT_MAX, 1.0f); }
 
 /* Makes a ray ready for a tree that is not empty; false: it has no direction and hits nothing. */
 HYI_NOINLINE bool hyi_aim_at(hyi_aim *aim, const hyi_bvh *bvh, const float *origin, const float *direction,
@@ -8806,8 +8826,7 @@ HYI_NOINLINE bool hyi_aim_at(hyi_aim *aim, const hyi_bvh *bvh, const float *orig
     if (!hyi_scale_ray(aim, bvh->scale, origin, direction, o, d)) return false;
     hyi_aim_shear(aim, o, d);
     hyi_aim_slabs(aim, &bvh->scaled, o, d, loose);
-    float here = (float)((double)t_min * aim->inverse_unit);
-    aim->t_near = here - 4.0f * HYI_ULP * fabsf(here);
+    aim->t_near = hyi_aim_t(aim, t_min, -1.0f);
     hyi_aim_limit(aim, t_max);
     return true;
 }
@@ -8851,30 +8870,60 @@ HYI_INLINE void hyi_normal(const double e[3], const double f[3], double n[3]) {
     for (int i = 0; i < 3; i++) n[i] = hyi_difference_of_products(e[(i + 1) % 3], f[(i + 2) % 3], e[(i + 2) % 3], f[(i + 1) % 3]);
 }
 
-/* t, in the tree's units, at the plane through a triangle's corners, whose x, y, z (in the order of axis) lie stride
-   floats apart, but within t at the corners; false: the ray runs in the plane. n: its normal, in the same order. */
-HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double *t, double n[3]) {
-    double a[3], e[3], f[3];
+/* A triangle and its plane as a ray meets them, in the order of axis and the tree's units. */
+typedef struct hyi_crossing {
+    double a[3], e[3], f[3]; /* a corner from the ray's origin, and the edges that begin there */
+    double n[3], across;     /* the normal, and the direction's part along it; 0: the ray runs in the plane */
+    double t[3], least, most; /* at the corners */
+    double plane;            /* t at the plane, but between least and most */
+} hyi_crossing;
+
+/* Corners' x, y, z lie stride floats apart. */
+HYI_INLINE void hyi_cross_plane(const hyi_aim *aim, const float *rows, uint32_t stride, hyi_crossing *x) {
     for (int i = 0; i < 3; i++) {
         const float *row = rows + aim->axis[i] * stride;
         double corner = (double)row[0];
-        a[i] = hyi_rounded_double(corner - (double)aim->origin[i]);
-        e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
-        f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
+        x->a[i] = hyi_rounded_double(corner - (double)aim->origin[i]);
+        x->e[i] = hyi_rounded_double((double)row[3u * stride] - corner);
+        x->f[i] = hyi_rounded_double((double)row[6u * stride] - corner);
     }
-    hyi_normal(e, f, n);
-    double across = hyi_sum_products(n[0], (double)aim->direction[0], n[1], (double)aim->direction[1], n[2], (double)aim->direction[2]);
-    if (across == 0.0) return false;
-    double plane = hyi_rounded_double(hyi_sum_products(n[0], a[0], n[1], a[1], n[2], a[2]) / across);
-    double least = hyi_rounded_double(a[2] * aim->t_by_z), most = least;
+    hyi_normal(x->e, x->f, x->n);
+    const double d[3] = {(double)aim->direction[0], (double)aim->direction[1], (double)aim->direction[2]};
+    x->across = hyi_sum_products(x->n[0], d[0], x->n[1], d[1], x->n[2], d[2]);
+    if (x->across == 0.0) return;
+    double plane = hyi_rounded_double(hyi_sum_products(x->n[0], x->a[0], x->n[1], x->a[1], x->n[2], x->a[2]) / x->across);
+    x->least = x->most = x->t[0] = hyi_rounded_double(x->a[2] * aim->t_by_z);
     for (uint32_t k = 1; k < 3; k++) {
         double to_corner = hyi_rounded_double((double)rows[(aim->axis[2] + 3u * k) * stride] - (double)aim->origin[2]);
-        double at = hyi_rounded_double(to_corner * aim->t_by_z);
-        least = at < least ? at : least;
-        most = at > most ? at : most;
+        double at = x->t[k] = hyi_rounded_double(to_corner * aim->t_by_z);
+        x->least = at < x->least ? at : x->least;
+        x->most = at > x->most ? at : x->most;
     }
-    *t = plane < least ? least : plane > most ? most : plane;
-    return true;
+    x->plane = plane < x->least ? x->least : plane > x->most ? x->most : plane;
+    if (HYI_ZEROS_ALIKE && plane == 0.0 && x->plane == 0.0) x->plane = hyi_rounded_double(plane);
+}
+
+/* Whether t at the plane is so far beyond one of the limits that another t would be too: a mean of t at the corners by the edge
+   functions is off that by no more than a sheared corner is off its place, times the slope of the plane. */
+HYI_INLINE bool hyi_surely_beyond(const hyi_aim *aim, const hyi_crossing *x, float t_min, float t_max) {
+    double plane = x->plane * aim->unit, beyond = plane > (double)t_max ? plane - (double)t_max : (double)t_min - plane;
+    double noise = (double)aim->noise * (fabs(x->n[0]) + fabs(x->n[1]) + fabs(x->n[2]));
+    return aim->noise > 0.0f && beyond * fabs(x->across) > noise * aim->unit;
+}
+
+/* t of a triangle that is hit, where that at its plane differs from the mean by its edge functions, total / sum: the plane's,
+   if the ray meets that within the triangle, up to roundings of double. */
+HYI_NOINLINE double hyi_settle_distance(const hyi_aim *aim, const float *rows, uint32_t stride, double total, double sum) {
+    hyi_crossing x;
+    double q[3], u[3], v[3];
+    hyi_cross_plane(aim, rows, stride, &x);
+    for (int i = 0; i < 3; i++) q[i] = hyi_rounded_double(hyi_rounded_double(x.plane * (double)aim->direction[i]) - x.a[i]);
+    hyi_normal(q, x.f, u);
+    hyi_normal(x.e, q, v);
+    double b = hyi_sum_products(u[0], x.n[0], u[1], x.n[1], u[2], x.n[2]);
+    double c = hyi_sum_products(v[0], x.n[0], v[1], x.n[1], v[2], x.n[2]);
+    bool inside = b >= 0.0 && c >= 0.0 && hyi_rounded_double(b + c) <= hyi_sum_products(x.n[0], x.n[0], x.n[1], x.n[1], x.n[2], x.n[2]);
+    return inside ? x.plane : hyi_rounded_double(total / sum);
 }
 
 /* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT where that is not within t_min and
@@ -8882,20 +8931,26 @@ HYI_INLINE bool hyi_plane_distance(const hyi_aim *aim, const float *rows, uint32
 HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2],
                              double n[3]) {
     float ax, ay, bx, by, cx, cy;
-    double distance;
+    hyi_crossing x;
     rows += lane;
-    if (!hyi_plane_distance(aim, rows, stride, &distance, n)) return HYI_NO_HIT;
-    float t = (float)hyi_rounded_double(distance * aim->unit);
-    if (!(t >= t_min && t <= t_max)) return HYI_NO_HIT;
+    hyi_cross_plane(aim, rows, stride, &x);
+    if (x.across == 0.0) return HYI_NO_HIT;
+    float t = (float)hyi_rounded_double(x.plane * aim->unit);
+    if (!(t >= t_min && t <= t_max) && hyi_surely_beyond(aim, &x, t_min, t_max)) return HYI_NO_HIT;
     hyi_shear_corner(aim, rows, stride, &ax, &ay);
     hyi_shear_corner(aim, rows + 3u * stride, stride, &bx, &by);
     hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
-    double a = hyi_cross_exact(cx, by, cy, bx), b = hyi_cross_exact(ax, cy, ay, cx), c = hyi_cross_exact(bx, ay, by, ax);
-    double sum = hyi_rounded_double(hyi_rounded_double(a + b) + c);
-    if (((a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0)) || sum == 0.0) return HYI_NO_HIT;
-    double inverse = hyi_rounded_double(1.0 / sum);
-    weights[0] = (float)(b * inverse);
-    weights[1] = (float)(c * inverse);
+    const double w[3] = {hyi_cross_exact(cx, by, cy, bx), hyi_cross_exact(ax, cy, ay, cx), hyi_cross_exact(bx, ay, by, ax)};
+    double sum = hyi_rounded_double(hyi_rounded_double(w[0] + w[1]) + w[2]);
+    if (((w[0] < 0.0 || w[1] < 0.0 || w[2] < 0.0) && (w[0] > 0.0 || w[1] > 0.0 || w[2] > 0.0)) || sum == 0.0) return HYI_NO_HIT;
+    double inverse = hyi_rounded_double(1.0 / sum), total = hyi_sum_products(w[0], x.t[0], w[1], x.t[1], w[2], x.t[2]);
+    double gap = hyi_rounded_double(hyi_rounded_double(x.plane * sum) - total);
+    if (HYI_UNLIKELY(fabs(gap) > hyi_rounded_double(hyi_rounded_double(HYI_PLANE_TRUST * fabs(x.t[0])) * fabs(sum))))
+        t = (float)hyi_rounded_double(hyi_settle_distance(aim, rows, stride, total, sum) * aim->unit);
+    if (!(t >= t_min && t <= t_max)) return HYI_NO_HIT;
+    weights[0] = (float)(w[1] * inverse);
+    weights[1] = (float)(w[2] * inverse);
+    for (int i = 0; i < 3; i++) n[i] = x.n[i];
     return t;
 }
 
@@ -9525,6 +9580,24 @@ HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
     for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
 }
 
+/* t of a ray of a packet at a triangle that it hits, where vectors do not decide: by hyi_confirm. */
+HYI_NOINLINE float hyi_settle_lane(const hyi_packet *packet, const hyi_bvh *bvh, const uint32_t *axis, uint32_t lane, uint32_t leaf, uint32_t triangle) {
+    hyi_aim aim;
+    float weights[2];
+    double n[3];
+    for (int i = 0; i < 3; i++) {
+        aim.axis[i] = axis[i];
+        aim.origin[i] = packet->origin[i][lane];
+        aim.direction[i] = packet->direction[i][lane];
+    }
+    aim.shear[0] = packet->shear[0][lane];
+    aim.shear[1] = packet->shear[1][lane];
+    aim.t_by_z = packet->t_by_z[lane];
+    aim.unit = 1.0;
+    aim.noise = 0.0f;
+    return hyi_confirm(&aim, hyi_leaf_rows(bvh, leaf), hyi_leaf_count(leaf), triangle, -FLT_MAX, FLT_MAX, weights, n);
+}
+
 /* ---- beginning */
 
 /* Of flights side by side, keeps those whose bits are set; returns how many these are. */
@@ -9733,7 +9806,8 @@ typedef struct HYI_I(hyi_verdicts) {
 /* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
-   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
+   difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
@@ -10263,6 +10337,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh
     float reaches[4];
     HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
     HYI_STORE4(reaches, reach);
+    aim->noise = HYI_SHEAR_NOISE * (reaches[0] + reaches[1] + reaches[2]);
     HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
     bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
@@ -10405,7 +10480,8 @@ typedef struct HYI_I(hyi_verdicts) {
 /* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
-   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
+   difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
@@ -10713,7 +10789,7 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const HYI_FD n[3], con
     return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(n[2], v[2]))));
 }
 
-/* The plane of a triangle, or of one a lane, as hyi_plane_distance works it out: a corner, the normal, and z of the others. */
+/* The plane of a triangle, or of one a lane, as hyi_cross_plane works it out: a corner, the normal, and z of the others. */
 typedef struct HYI_I(hyi_plane_half) {
     HYI_FD corner[3], n[3], z[2];
 } HYI_I(hyi_plane_half);
@@ -10722,6 +10798,7 @@ typedef struct HYI_I(hyi_plane_half) {
 typedef struct HYI_I(hyi_outcome_half) {
     HYI_FD t, b, c, sum; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
     uint32_t hit;        /* bits of the rays that hit */
+    uint32_t doubtful;   /* of those whose t hyi_confirm has to settle */
 } HYI_I(hyi_outcome_half);
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
@@ -10741,17 +10818,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, con
     HYI_FD across = HYI_I(hyi_sum_products_half)(plane->n, direction);
     HYI_FD distance = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(plane->n, to_corner), across));
     HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
-    HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
-    for (int i = 0; i < 2; i++) {
-        HYI_FD at = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i], origin_z)), t_by_z));
-        least = HYI_MIND(at, least);
-        most = HYI_MAXD(at, most);
+    HYI_FD at[3] = {HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), zero, zero}, least = at[0], most = at[0];
+    for (int i = 1; i < 3; i++) {
+        at[i] = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i - 1], origin_z)), t_by_z));
+        least = HYI_MIND(at[i], least);
+        most = HYI_MAXD(at[i], most);
     }
-    outcome->t = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
+    distance = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_cross_plane keeps it */
+    const HYI_FD w[3] = {a, b, c};
+    HYI_FD gap = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(distance, sum)), HYI_I(hyi_sum_products_half)(w, at)));
+    HYI_FD trusted = HYI_PIND(HYI_MULD(HYI_PIND(HYI_MULD(HYI_SETD(HYI_PLANE_TRUST), HYI_MAXD(at[0], HYI_SUBD(zero, at[0])))), HYI_MAXD(sum, HYI_SUBD(zero, sum))));
+    outcome->t = distance;
     outcome->b = b;
     outcome->c = c;
     outcome->sum = sum;
     outcome->hit = ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+    outcome->doubtful = outcome->hit & (HYI_LTD(trusted, gap) | HYI_LTD(gap, HYI_SUBD(zero, trusted)));
+    if (HYI_ZEROS_ALIKE) outcome->doubtful |= outcome->hit & ~(HYI_LTD(distance, zero) | HYI_LTD(zero, distance));
 }
 
 /* u and v of a hit, by half. */
@@ -10810,6 +10893,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_pac
         if (!some) continue;
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
+        for (uint32_t left = some & outcome.doubtful; left; left &= left - 1u) {
+            uint32_t lane = base + hyi_lowest_bit(left);
+            t[lane] = hyi_settle_lane(packet, swarm->site.bvh, swarm->axis, lane, leaf, triangle);
+        }
         if (swarm->site.asks_alpha) HYI_I(hyi_store_weights)(&outcome, half, u, v);
         for (some &= outcome.hit; some; some &= some - 1u) {
             uint32_t lane = base + hyi_lowest_bit(some);
@@ -11391,9 +11478,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half
     plane->z[1] = HYI_HALFD(rows[8], half);
 }
 
-/* hyi_confirm for all lanes of a packet, each with its own triangle. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
+/* hyi_confirm for all lanes of a packet, each with its own triangle. Returns bits of those whose t it has to settle itself. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
     HYI_I(hyi_corner_all) corners[3];
+    uint32_t doubtful = 0;
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
@@ -11402,7 +11490,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, con
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         HYI_I(hyi_store_weights)(&outcome, half, u, v);
+        doubtful |= outcome.doubtful << (uint32_t)half * (HYI_LANES / 2u);
     }
+    return doubtful;
 }
 
 /* Works out all hits of a packet. */
@@ -11411,7 +11501,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
     HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
-    if (finds->count) HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v);
+    if (finds->count == 0) return;
+    for (uint32_t left = HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v); left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        finds->t[lane] = hyi_settle_lane(packet, swarm->site.bvh, axis, lane, packet->leaf.word[lane], packet->triangle.word[lane]);
+    }
 }
 
 /* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
@@ -11460,8 +11554,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_p
     hyi_packet packet;
     for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
     for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
-    HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
-    for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
+    for (uint32_t i = 0; i < some->count; i++) {
+        if (doubtful >> i & 1u) hyi_settle(site, some->flights[i]);
+        else HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+    }
 }
 
 /* Works out what the first count flights have put off, as many at a time as there are lanes, while the triangles of as many more
@@ -12268,6 +12365,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh
     float reaches[4];
     HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
     HYI_STORE4(reaches, reach);
+    aim->noise = HYI_SHEAR_NOISE * (reaches[0] + reaches[1] + reaches[2]);
     HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
     bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
@@ -12410,7 +12508,8 @@ typedef struct HYI_I(hyi_verdicts) {
 /* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
-   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
+   difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
@@ -12718,7 +12817,7 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const HYI_FD n[3], con
     return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(n[2], v[2]))));
 }
 
-/* The plane of a triangle, or of one a lane, as hyi_plane_distance works it out: a corner, the normal, and z of the others. */
+/* The plane of a triangle, or of one a lane, as hyi_cross_plane works it out: a corner, the normal, and z of the others. */
 typedef struct HYI_I(hyi_plane_half) {
     HYI_FD corner[3], n[3], z[2];
 } HYI_I(hyi_plane_half);
@@ -12727,6 +12826,7 @@ typedef struct HYI_I(hyi_plane_half) {
 typedef struct HYI_I(hyi_outcome_half) {
     HYI_FD t, b, c, sum; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
     uint32_t hit;        /* bits of the rays that hit */
+    uint32_t doubtful;   /* of those whose t hyi_confirm has to settle */
 } HYI_I(hyi_outcome_half);
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
@@ -12746,17 +12846,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, con
     HYI_FD across = HYI_I(hyi_sum_products_half)(plane->n, direction);
     HYI_FD distance = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(plane->n, to_corner), across));
     HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
-    HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
-    for (int i = 0; i < 2; i++) {
-        HYI_FD at = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i], origin_z)), t_by_z));
-        least = HYI_MIND(at, least);
-        most = HYI_MAXD(at, most);
+    HYI_FD at[3] = {HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), zero, zero}, least = at[0], most = at[0];
+    for (int i = 1; i < 3; i++) {
+        at[i] = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i - 1], origin_z)), t_by_z));
+        least = HYI_MIND(at[i], least);
+        most = HYI_MAXD(at[i], most);
     }
-    outcome->t = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
+    distance = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_cross_plane keeps it */
+    const HYI_FD w[3] = {a, b, c};
+    HYI_FD gap = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(distance, sum)), HYI_I(hyi_sum_products_half)(w, at)));
+    HYI_FD trusted = HYI_PIND(HYI_MULD(HYI_PIND(HYI_MULD(HYI_SETD(HYI_PLANE_TRUST), HYI_MAXD(at[0], HYI_SUBD(zero, at[0])))), HYI_MAXD(sum, HYI_SUBD(zero, sum))));
+    outcome->t = distance;
     outcome->b = b;
     outcome->c = c;
     outcome->sum = sum;
     outcome->hit = ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+    outcome->doubtful = outcome->hit & (HYI_LTD(trusted, gap) | HYI_LTD(gap, HYI_SUBD(zero, trusted)));
+    if (HYI_ZEROS_ALIKE) outcome->doubtful |= outcome->hit & ~(HYI_LTD(distance, zero) | HYI_LTD(zero, distance));
 }
 
 /* u and v of a hit, by half. */
@@ -12815,6 +12921,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_pac
         if (!some) continue;
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
+        for (uint32_t left = some & outcome.doubtful; left; left &= left - 1u) {
+            uint32_t lane = base + hyi_lowest_bit(left);
+            t[lane] = hyi_settle_lane(packet, swarm->site.bvh, swarm->axis, lane, leaf, triangle);
+        }
         if (swarm->site.asks_alpha) HYI_I(hyi_store_weights)(&outcome, half, u, v);
         for (some &= outcome.hit; some; some &= some - 1u) {
             uint32_t lane = base + hyi_lowest_bit(some);
@@ -13396,9 +13506,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half
     plane->z[1] = HYI_HALFD(rows[8], half);
 }
 
-/* hyi_confirm for all lanes of a packet, each with its own triangle. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
+/* hyi_confirm for all lanes of a packet, each with its own triangle. Returns bits of those whose t it has to settle itself. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
     HYI_I(hyi_corner_all) corners[3];
+    uint32_t doubtful = 0;
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
@@ -13407,7 +13518,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, con
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         HYI_I(hyi_store_weights)(&outcome, half, u, v);
+        doubtful |= outcome.doubtful << (uint32_t)half * (HYI_LANES / 2u);
     }
+    return doubtful;
 }
 
 /* Works out all hits of a packet. */
@@ -13416,7 +13529,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
     HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
-    if (finds->count) HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v);
+    if (finds->count == 0) return;
+    for (uint32_t left = HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v); left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        finds->t[lane] = hyi_settle_lane(packet, swarm->site.bvh, axis, lane, packet->leaf.word[lane], packet->triangle.word[lane]);
+    }
 }
 
 /* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
@@ -13465,8 +13582,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_p
     hyi_packet packet;
     for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
     for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
-    HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
-    for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
+    for (uint32_t i = 0; i < some->count; i++) {
+        if (doubtful >> i & 1u) hyi_settle(site, some->flights[i]);
+        else HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+    }
 }
 
 /* Works out what the first count flights have put off, as many at a time as there are lanes, while the triangles of as many more
@@ -14369,6 +14489,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh
     float reaches[4];
     HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
     HYI_STORE4(reaches, reach);
+    aim->noise = HYI_SHEAR_NOISE * (reaches[0] + reaches[1] + reaches[2]);
     HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
     bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
@@ -14511,7 +14632,8 @@ typedef struct HYI_I(hyi_verdicts) {
 /* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
-   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
+   difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
@@ -14819,7 +14941,7 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const HYI_FD n[3], con
     return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(n[2], v[2]))));
 }
 
-/* The plane of a triangle, or of one a lane, as hyi_plane_distance works it out: a corner, the normal, and z of the others. */
+/* The plane of a triangle, or of one a lane, as hyi_cross_plane works it out: a corner, the normal, and z of the others. */
 typedef struct HYI_I(hyi_plane_half) {
     HYI_FD corner[3], n[3], z[2];
 } HYI_I(hyi_plane_half);
@@ -14828,6 +14950,7 @@ typedef struct HYI_I(hyi_plane_half) {
 typedef struct HYI_I(hyi_outcome_half) {
     HYI_FD t, b, c, sum; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
     uint32_t hit;        /* bits of the rays that hit */
+    uint32_t doubtful;   /* of those whose t hyi_confirm has to settle */
 } HYI_I(hyi_outcome_half);
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
@@ -14847,17 +14970,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, con
     HYI_FD across = HYI_I(hyi_sum_products_half)(plane->n, direction);
     HYI_FD distance = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(plane->n, to_corner), across));
     HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
-    HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
-    for (int i = 0; i < 2; i++) {
-        HYI_FD at = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i], origin_z)), t_by_z));
-        least = HYI_MIND(at, least);
-        most = HYI_MAXD(at, most);
+    HYI_FD at[3] = {HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), zero, zero}, least = at[0], most = at[0];
+    for (int i = 1; i < 3; i++) {
+        at[i] = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i - 1], origin_z)), t_by_z));
+        least = HYI_MIND(at[i], least);
+        most = HYI_MAXD(at[i], most);
     }
-    outcome->t = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
+    distance = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_cross_plane keeps it */
+    const HYI_FD w[3] = {a, b, c};
+    HYI_FD gap = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(distance, sum)), HYI_I(hyi_sum_products_half)(w, at)));
+    HYI_FD trusted = HYI_PIND(HYI_MULD(HYI_PIND(HYI_MULD(HYI_SETD(HYI_PLANE_TRUST), HYI_MAXD(at[0], HYI_SUBD(zero, at[0])))), HYI_MAXD(sum, HYI_SUBD(zero, sum))));
+    outcome->t = distance;
     outcome->b = b;
     outcome->c = c;
     outcome->sum = sum;
     outcome->hit = ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+    outcome->doubtful = outcome->hit & (HYI_LTD(trusted, gap) | HYI_LTD(gap, HYI_SUBD(zero, trusted)));
+    if (HYI_ZEROS_ALIKE) outcome->doubtful |= outcome->hit & ~(HYI_LTD(distance, zero) | HYI_LTD(zero, distance));
 }
 
 /* u and v of a hit, by half. */
@@ -14916,6 +15045,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_pac
         if (!some) continue;
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
+        for (uint32_t left = some & outcome.doubtful; left; left &= left - 1u) {
+            uint32_t lane = base + hyi_lowest_bit(left);
+            t[lane] = hyi_settle_lane(packet, swarm->site.bvh, swarm->axis, lane, leaf, triangle);
+        }
         if (swarm->site.asks_alpha) HYI_I(hyi_store_weights)(&outcome, half, u, v);
         for (some &= outcome.hit; some; some &= some - 1u) {
             uint32_t lane = base + hyi_lowest_bit(some);
@@ -15497,9 +15630,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half
     plane->z[1] = HYI_HALFD(rows[8], half);
 }
 
-/* hyi_confirm for all lanes of a packet, each with its own triangle. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
+/* hyi_confirm for all lanes of a packet, each with its own triangle. Returns bits of those whose t it has to settle itself. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
     HYI_I(hyi_corner_all) corners[3];
+    uint32_t doubtful = 0;
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
@@ -15508,7 +15642,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, con
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         HYI_I(hyi_store_weights)(&outcome, half, u, v);
+        doubtful |= outcome.doubtful << (uint32_t)half * (HYI_LANES / 2u);
     }
+    return doubtful;
 }
 
 /* Works out all hits of a packet. */
@@ -15517,7 +15653,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
     HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
-    if (finds->count) HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v);
+    if (finds->count == 0) return;
+    for (uint32_t left = HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v); left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        finds->t[lane] = hyi_settle_lane(packet, swarm->site.bvh, axis, lane, packet->leaf.word[lane], packet->triangle.word[lane]);
+    }
 }
 
 /* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
@@ -15566,8 +15706,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_p
     hyi_packet packet;
     for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
     for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
-    HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
-    for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
+    for (uint32_t i = 0; i < some->count; i++) {
+        if (doubtful >> i & 1u) hyi_settle(site, some->flights[i]);
+        else HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+    }
 }
 
 /* Works out what the first count flights have put off, as many at a time as there are lanes, while the triangles of as many more
@@ -16469,6 +16612,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh
     float reaches[4];
     HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
     HYI_STORE4(reaches, reach);
+    aim->noise = HYI_SHEAR_NOISE * (reaches[0] + reaches[1] + reaches[2]);
     HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
     bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
@@ -16611,7 +16755,8 @@ typedef struct HYI_I(hyi_verdicts) {
 /* Where the edge functions have one strict sign, that is theirs in exact arithmetic too, and t is a mean of t at the
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
-   noise = 2^-18 across (across + along), and t by their share in the sum, of the difference between t at the corners;
+   noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
+   difference between t at the corners;
    rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
    numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
@@ -16919,7 +17064,7 @@ HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_sum_products_half)(const HYI_FD n[3], con
     return HYI_PIND(HYI_ADDD(HYI_PIND(HYI_ADDD(first, second)), HYI_PIND(HYI_MULD(n[2], v[2]))));
 }
 
-/* The plane of a triangle, or of one a lane, as hyi_plane_distance works it out: a corner, the normal, and z of the others. */
+/* The plane of a triangle, or of one a lane, as hyi_cross_plane works it out: a corner, the normal, and z of the others. */
 typedef struct HYI_I(hyi_plane_half) {
     HYI_FD corner[3], n[3], z[2];
 } HYI_I(hyi_plane_half);
@@ -16928,6 +17073,7 @@ typedef struct HYI_I(hyi_plane_half) {
 typedef struct HYI_I(hyi_outcome_half) {
     HYI_FD t, b, c, sum; /* edge functions of corners 1 and 2 and the sum of all: u and v are their ratios */
     uint32_t hit;        /* bits of the rays that hit */
+    uint32_t doubtful;   /* of those whose t hyi_confirm has to settle */
 } HYI_I(hyi_outcome_half);
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
@@ -16947,17 +17093,23 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, con
     HYI_FD across = HYI_I(hyi_sum_products_half)(plane->n, direction);
     HYI_FD distance = HYI_PIND(HYI_DIVD(HYI_I(hyi_sum_products_half)(plane->n, to_corner), across));
     HYI_FD t_by_z = HYI_LOADD(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u));
-    HYI_FD least = HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), most = least;
-    for (int i = 0; i < 2; i++) {
-        HYI_FD at = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i], origin_z)), t_by_z));
-        least = HYI_MIND(at, least);
-        most = HYI_MAXD(at, most);
+    HYI_FD at[3] = {HYI_PIND(HYI_MULD(to_corner[2], t_by_z)), zero, zero}, least = at[0], most = at[0];
+    for (int i = 1; i < 3; i++) {
+        at[i] = HYI_PIND(HYI_MULD(HYI_PIND(HYI_SUBD(plane->z[i - 1], origin_z)), t_by_z));
+        least = HYI_MIND(at[i], least);
+        most = HYI_MAXD(at[i], most);
     }
-    outcome->t = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_plane_distance keeps it */
+    distance = HYI_MIND(most, HYI_MAXD(least, distance)); /* of two zeros the second is kept, as hyi_cross_plane keeps it */
+    const HYI_FD w[3] = {a, b, c};
+    HYI_FD gap = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(distance, sum)), HYI_I(hyi_sum_products_half)(w, at)));
+    HYI_FD trusted = HYI_PIND(HYI_MULD(HYI_PIND(HYI_MULD(HYI_SETD(HYI_PLANE_TRUST), HYI_MAXD(at[0], HYI_SUBD(zero, at[0])))), HYI_MAXD(sum, HYI_SUBD(zero, sum))));
+    outcome->t = distance;
     outcome->b = b;
     outcome->c = c;
     outcome->sum = sum;
     outcome->hit = ~(below & above) & (HYI_LTD(sum, zero) | HYI_LTD(zero, sum)) & (HYI_LTD(across, zero) | HYI_LTD(zero, across));
+    outcome->doubtful = outcome->hit & (HYI_LTD(trusted, gap) | HYI_LTD(gap, HYI_SUBD(zero, trusted)));
+    if (HYI_ZEROS_ALIKE) outcome->doubtful |= outcome->hit & ~(HYI_LTD(distance, zero) | HYI_LTD(zero, distance));
 }
 
 /* u and v of a hit, by half. */
@@ -17016,6 +17168,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_pac
         if (!some) continue;
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
+        for (uint32_t left = some & outcome.doubtful; left; left &= left - 1u) {
+            uint32_t lane = base + hyi_lowest_bit(left);
+            t[lane] = hyi_settle_lane(packet, swarm->site.bvh, swarm->axis, lane, leaf, triangle);
+        }
         if (swarm->site.asks_alpha) HYI_I(hyi_store_weights)(&outcome, half, u, v);
         for (some &= outcome.hit; some; some &= some - 1u) {
             uint32_t lane = base + hyi_lowest_bit(some);
@@ -17597,9 +17753,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half
     plane->z[1] = HYI_HALFD(rows[8], half);
 }
 
-/* hyi_confirm for all lanes of a packet, each with its own triangle. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
+/* hyi_confirm for all lanes of a packet, each with its own triangle. Returns bits of those whose t it has to settle itself. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
     HYI_I(hyi_corner_all) corners[3];
+    uint32_t doubtful = 0;
     for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
@@ -17608,7 +17765,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_rows)(const hyi_packet *packet, con
         HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         HYI_I(hyi_store_weights)(&outcome, half, u, v);
+        doubtful |= outcome.doubtful << (uint32_t)half * (HYI_LANES / 2u);
     }
+    return doubtful;
 }
 
 /* Works out all hits of a packet. */
@@ -17617,7 +17776,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_pac
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
     HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
-    if (finds->count) HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v);
+    if (finds->count == 0) return;
+    for (uint32_t left = HYI_I(hyi_confirm_rows)(packet, rows, finds->t, finds->u, finds->v); left; left &= left - 1u) {
+        uint32_t lane = hyi_lowest_bit(left);
+        finds->t[lane] = hyi_settle_lane(packet, swarm->site.bvh, axis, lane, packet->leaf.word[lane], packet->triangle.word[lane]);
+    }
 }
 
 /* Some flights of one tree with hits that are put off, at most HYI_LANES, as they are read for that. */
@@ -17666,8 +17829,11 @@ HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_p
     hyi_packet packet;
     for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
     for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
-    HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
-    for (uint32_t i = 0; i < some->count; i++) HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
+    for (uint32_t i = 0; i < some->count; i++) {
+        if (doubtful >> i & 1u) hyi_settle(site, some->flights[i]);
+        else HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
+    }
 }
 
 /* Works out what the first count flights have put off, as many at a time as there are lanes, while the triangles of as many more
