@@ -9984,7 +9984,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
-#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
@@ -10040,6 +10039,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
+#undef HYI_MAXW_AS_INTS
 #undef HYI_MIN2
 #undef HYI_MIN4
 #undef HYI_MIN4_AS_INTS
@@ -10280,6 +10280,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_MULW(a, b) _mm256_mul_ps(a, b)
 #define HYI_MINW(a, b) _mm256_min_ps(a, b)
 #define HYI_MAXW(a, b) _mm256_max_ps(a, b)
+#define HYI_MAXW_AS_INTS(a, b) HYI_MAX8_AS_INTS(a, b)
 #define HYI_SIZEW(a) HYI_SIZE8(a)
 #define HYI_LTW(a, b) _mm256_cmp_ps(a, b, _CMP_LT_OQ)
 #define HYI_ANDW(a, b) _mm256_and_ps(a, b)
@@ -10324,7 +10325,6 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_DIV4(a, b) _mm_div_ps(a, b)
 #define HYI_MAX4(a, b) _mm_max_ps(a, b)
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
-#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
 /* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
@@ -10374,20 +10374,34 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
     aim->exact = 0;
 }
 
+/* Whether the bits of a float's size are between those of two others; what is not a number has more than all, and fast-math leaves
+   integers alone. */
+HYI_INLINE bool HYI_I(hyi_size_within)(float value, float least, float most) {
+    uint32_t bits, low, high;
+    memcpy(&bits, &value, sizeof bits);
+    memcpy(&low, &least, sizeof low);
+    memcpy(&high, &most, sizeof high);
+    bits &= 0x7fffffffu;
+    return low <= bits && bits <= high;
+}
+
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
    or in a tree of boxes. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
     uint32_t bits[8];
-    float t_min, t_max, direction[4];
+    float t_min, t_max, origin[4], direction[4];
     memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
     memcpy(&t_min, &bits[3], sizeof t_min);
     memcpy(&t_max, &bits[7], sizeof t_max);
     HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
     uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
+    HYI_STORE4(origin, o);
     HYI_STORE4(direction, d);
-    float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
-    if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
-    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(HYI_NEAR_BY))) != 15u || !bvh->rows) return false;
+    float limit = hyi_finite_limit(t_max);
+    if (!HYI_I(hyi_size_within)(direction[z], HYI_SHORTEST, HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !bvh->rows) return false;
+    if (!HYI_I(hyi_size_within)(t_min, 0.0f, FLT_MAX) || !(t_min <= limit)) return false;
+    for (uint32_t a = 0; a < 3; a++)
+        if (!HYI_I(hyi_size_within)(origin[a], 0.0f, HYI_NEAR_BY)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
     HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
     return true;
@@ -11144,9 +11158,17 @@ typedef struct HYI_I(hyi_block) {
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
 
-/* Bits of lanes that are within -limit and limit; what is not a number is not. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
-    return HYI_BITSW(HYI_LEW(HYI_SIZEW(v), HYI_SETW(limit)));
+/* A whole number in all lanes: these are only moved, and chosen from. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
+    float bits;
+    memcpy(&bits, &value, sizeof bits);
+    return HYI_SETW(bits);
+}
+
+/* Bits of lanes that are within -limit and limit; what is not a number is not. Integers are compared: with fast-math, a comparison
+   of floats may take it for one. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, HYI_FW limit) {
+    return HYI_BITSW(HYI_SAMEW(HYI_MAXW_AS_INTS(HYI_SIZEW(v), limit), limit));
 }
 
 /* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
@@ -11156,13 +11178,13 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
     block->t_min = HYI_LOADW(words[3]);
     block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
-    uint32_t fit = HYI_I(hyi_within)(block->t_min, FLT_MAX) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
         block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
-        fit &= HYI_I(hyi_within)(block->origin[a], HYI_NEAR_BY) & HYI_I(hyi_within)(block->direction[a], HYI_LONGEST);
+        fit &= HYI_I(hyi_within)(block->origin[a], HYI_SETW(HYI_NEAR_BY)) & HYI_I(hyi_within)(block->direction[a], HYI_SETW(HYI_LONGEST));
     }
     HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
     block->y = HYI_LTW(block->size[0], block->size[1]);
@@ -11347,13 +11369,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
         HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
         HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
     }
-}
-
-/* A whole number in all lanes: these are only moved, and chosen from. */
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
-    float bits;
-    memcpy(&bits, &value, sizeof bits);
-    return HYI_SETW(bits);
 }
 
 /* hyi_aim.near_plane and .axis of all lanes. */
@@ -12037,7 +12052,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
-#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
@@ -12093,6 +12107,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
+#undef HYI_MAXW_AS_INTS
 #undef HYI_MIN2
 #undef HYI_MIN4
 #undef HYI_MIN4_AS_INTS
@@ -12308,6 +12323,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_MULW(a, b) _mm512_mul_ps(a, b)
 #define HYI_MINW(a, b) _mm512_min_ps(a, b)
 #define HYI_MAXW(a, b) _mm512_max_ps(a, b)
+#define HYI_MAXW_AS_INTS(a, b) _mm512_castsi512_ps(_mm512_max_epi32(_mm512_castps_si512(a), _mm512_castps_si512(b)))
 #define HYI_SIZEW(a) _mm512_abs_ps(a)
 #define HYI_LTW(a, b) _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ)
 #define HYI_ANDW(a, b) ((__mmask16)((a) & (b)))
@@ -12352,7 +12368,6 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_DIV4(a, b) _mm_div_ps(a, b)
 #define HYI_MAX4(a, b) _mm_max_ps(a, b)
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
-#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
 /* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
@@ -12402,20 +12417,34 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
     aim->exact = 0;
 }
 
+/* Whether the bits of a float's size are between those of two others; what is not a number has more than all, and fast-math leaves
+   integers alone. */
+HYI_INLINE bool HYI_I(hyi_size_within)(float value, float least, float most) {
+    uint32_t bits, low, high;
+    memcpy(&bits, &value, sizeof bits);
+    memcpy(&low, &least, sizeof low);
+    memcpy(&high, &most, sizeof high);
+    bits &= 0x7fffffffu;
+    return low <= bits && bits <= high;
+}
+
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
    or in a tree of boxes. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
     uint32_t bits[8];
-    float t_min, t_max, direction[4];
+    float t_min, t_max, origin[4], direction[4];
     memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
     memcpy(&t_min, &bits[3], sizeof t_min);
     memcpy(&t_max, &bits[7], sizeof t_max);
     HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
     uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
+    HYI_STORE4(origin, o);
     HYI_STORE4(direction, d);
-    float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
-    if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
-    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(HYI_NEAR_BY))) != 15u || !bvh->rows) return false;
+    float limit = hyi_finite_limit(t_max);
+    if (!HYI_I(hyi_size_within)(direction[z], HYI_SHORTEST, HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !bvh->rows) return false;
+    if (!HYI_I(hyi_size_within)(t_min, 0.0f, FLT_MAX) || !(t_min <= limit)) return false;
+    for (uint32_t a = 0; a < 3; a++)
+        if (!HYI_I(hyi_size_within)(origin[a], 0.0f, HYI_NEAR_BY)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
     HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
     return true;
@@ -13172,9 +13201,17 @@ typedef struct HYI_I(hyi_block) {
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
 
-/* Bits of lanes that are within -limit and limit; what is not a number is not. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
-    return HYI_BITSW(HYI_LEW(HYI_SIZEW(v), HYI_SETW(limit)));
+/* A whole number in all lanes: these are only moved, and chosen from. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
+    float bits;
+    memcpy(&bits, &value, sizeof bits);
+    return HYI_SETW(bits);
+}
+
+/* Bits of lanes that are within -limit and limit; what is not a number is not. Integers are compared: with fast-math, a comparison
+   of floats may take it for one. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, HYI_FW limit) {
+    return HYI_BITSW(HYI_SAMEW(HYI_MAXW_AS_INTS(HYI_SIZEW(v), limit), limit));
 }
 
 /* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
@@ -13184,13 +13221,13 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
     block->t_min = HYI_LOADW(words[3]);
     block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
-    uint32_t fit = HYI_I(hyi_within)(block->t_min, FLT_MAX) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
         block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
-        fit &= HYI_I(hyi_within)(block->origin[a], HYI_NEAR_BY) & HYI_I(hyi_within)(block->direction[a], HYI_LONGEST);
+        fit &= HYI_I(hyi_within)(block->origin[a], HYI_SETW(HYI_NEAR_BY)) & HYI_I(hyi_within)(block->direction[a], HYI_SETW(HYI_LONGEST));
     }
     HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
     block->y = HYI_LTW(block->size[0], block->size[1]);
@@ -13375,13 +13412,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
         HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
         HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
     }
-}
-
-/* A whole number in all lanes: these are only moved, and chosen from. */
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
-    float bits;
-    memcpy(&bits, &value, sizeof bits);
-    return HYI_SETW(bits);
 }
 
 /* hyi_aim.near_plane and .axis of all lanes. */
@@ -14065,7 +14095,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
-#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
@@ -14121,6 +14150,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
+#undef HYI_MAXW_AS_INTS
 #undef HYI_MIN2
 #undef HYI_MIN4
 #undef HYI_MIN4_AS_INTS
@@ -14221,7 +14251,6 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_DIV4(a, b) _mm_div_ps(a, b)
 #define HYI_MAX4(a, b) _mm_max_ps(a, b)
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
-#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
 #define HYI_M4 __m128
@@ -14451,6 +14480,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_DIVW(a, b) HYI_DIV8(a, b)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
+#define HYI_MAXW_AS_INTS(a, b) HYI_MAX8_AS_INTS(a, b)
 #define HYI_SIZEW(a) HYI_SIZE8(a)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
 #define HYI_LEW(a, b) HYI_LE8(a, b)
@@ -14526,20 +14556,34 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
     aim->exact = 0;
 }
 
+/* Whether the bits of a float's size are between those of two others; what is not a number has more than all, and fast-math leaves
+   integers alone. */
+HYI_INLINE bool HYI_I(hyi_size_within)(float value, float least, float most) {
+    uint32_t bits, low, high;
+    memcpy(&bits, &value, sizeof bits);
+    memcpy(&low, &least, sizeof low);
+    memcpy(&high, &most, sizeof high);
+    bits &= 0x7fffffffu;
+    return low <= bits && bits <= high;
+}
+
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
    or in a tree of boxes. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
     uint32_t bits[8];
-    float t_min, t_max, direction[4];
+    float t_min, t_max, origin[4], direction[4];
     memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
     memcpy(&t_min, &bits[3], sizeof t_min);
     memcpy(&t_max, &bits[7], sizeof t_max);
     HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
     uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
+    HYI_STORE4(origin, o);
     HYI_STORE4(direction, d);
-    float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
-    if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
-    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(HYI_NEAR_BY))) != 15u || !bvh->rows) return false;
+    float limit = hyi_finite_limit(t_max);
+    if (!HYI_I(hyi_size_within)(direction[z], HYI_SHORTEST, HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !bvh->rows) return false;
+    if (!HYI_I(hyi_size_within)(t_min, 0.0f, FLT_MAX) || !(t_min <= limit)) return false;
+    for (uint32_t a = 0; a < 3; a++)
+        if (!HYI_I(hyi_size_within)(origin[a], 0.0f, HYI_NEAR_BY)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
     HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
     return true;
@@ -15296,9 +15340,17 @@ typedef struct HYI_I(hyi_block) {
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
 
-/* Bits of lanes that are within -limit and limit; what is not a number is not. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
-    return HYI_BITSW(HYI_LEW(HYI_SIZEW(v), HYI_SETW(limit)));
+/* A whole number in all lanes: these are only moved, and chosen from. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
+    float bits;
+    memcpy(&bits, &value, sizeof bits);
+    return HYI_SETW(bits);
+}
+
+/* Bits of lanes that are within -limit and limit; what is not a number is not. Integers are compared: with fast-math, a comparison
+   of floats may take it for one. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, HYI_FW limit) {
+    return HYI_BITSW(HYI_SAMEW(HYI_MAXW_AS_INTS(HYI_SIZEW(v), limit), limit));
 }
 
 /* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
@@ -15308,13 +15360,13 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
     block->t_min = HYI_LOADW(words[3]);
     block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
-    uint32_t fit = HYI_I(hyi_within)(block->t_min, FLT_MAX) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
         block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
-        fit &= HYI_I(hyi_within)(block->origin[a], HYI_NEAR_BY) & HYI_I(hyi_within)(block->direction[a], HYI_LONGEST);
+        fit &= HYI_I(hyi_within)(block->origin[a], HYI_SETW(HYI_NEAR_BY)) & HYI_I(hyi_within)(block->direction[a], HYI_SETW(HYI_LONGEST));
     }
     HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
     block->y = HYI_LTW(block->size[0], block->size[1]);
@@ -15499,13 +15551,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
         HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
         HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
     }
-}
-
-/* A whole number in all lanes: these are only moved, and chosen from. */
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
-    float bits;
-    memcpy(&bits, &value, sizeof bits);
-    return HYI_SETW(bits);
 }
 
 /* hyi_aim.near_plane and .axis of all lanes. */
@@ -16189,7 +16234,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
-#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
@@ -16245,6 +16289,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
+#undef HYI_MAXW_AS_INTS
 #undef HYI_MIN2
 #undef HYI_MIN4
 #undef HYI_MIN4_AS_INTS
@@ -16376,7 +16421,6 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_LT2(a, b) vcltq_f64(a, b)
 #define HYI_BITS2_2(low, high) hyi_bits2_2_neon(low, high)
 #define HYI_PIN2(a) hyi_pin2_neon(a)
-#define HYI_BITS4(m) (hyi_bits4_4_neon(m, m) & 15u)
 #define HYI_SIGNED4(size, of) vbslq_f32(vdupq_n_u32(0x80000000u), of, size)
 /* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
    for four floats and two doubles) */
@@ -16574,6 +16618,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_DIVW(a, b) HYI_DIV8(a, b)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
+#define HYI_MAXW_AS_INTS(a, b) HYI_MAX8_AS_INTS(a, b)
 #define HYI_SIZEW(a) HYI_SIZE8(a)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
 #define HYI_LEW(a, b) HYI_LE8(a, b)
@@ -16649,20 +16694,34 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
     aim->exact = 0;
 }
 
+/* Whether the bits of a float's size are between those of two others; what is not a number has more than all, and fast-math leaves
+   integers alone. */
+HYI_INLINE bool HYI_I(hyi_size_within)(float value, float least, float most) {
+    uint32_t bits, low, high;
+    memcpy(&bits, &value, sizeof bits);
+    memcpy(&low, &least, sizeof low);
+    memcpy(&high, &most, sizeof high);
+    bits &= 0x7fffffffu;
+    return low <= bits && bits <= high;
+}
+
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
    or in a tree of boxes. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
     uint32_t bits[8];
-    float t_min, t_max, direction[4];
+    float t_min, t_max, origin[4], direction[4];
     memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
     memcpy(&t_min, &bits[3], sizeof t_min);
     memcpy(&t_max, &bits[7], sizeof t_max);
     HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
     uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
+    HYI_STORE4(origin, o);
     HYI_STORE4(direction, d);
-    float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
-    if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
-    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(HYI_NEAR_BY))) != 15u || !bvh->rows) return false;
+    float limit = hyi_finite_limit(t_max);
+    if (!HYI_I(hyi_size_within)(direction[z], HYI_SHORTEST, HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !bvh->rows) return false;
+    if (!HYI_I(hyi_size_within)(t_min, 0.0f, FLT_MAX) || !(t_min <= limit)) return false;
+    for (uint32_t a = 0; a < 3; a++)
+        if (!HYI_I(hyi_size_within)(origin[a], 0.0f, HYI_NEAR_BY)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
     HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
     return true;
@@ -17419,9 +17478,17 @@ typedef struct HYI_I(hyi_block) {
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
 
-/* Bits of lanes that are within -limit and limit; what is not a number is not. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
-    return HYI_BITSW(HYI_LEW(HYI_SIZEW(v), HYI_SETW(limit)));
+/* A whole number in all lanes: these are only moved, and chosen from. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
+    float bits;
+    memcpy(&bits, &value, sizeof bits);
+    return HYI_SETW(bits);
+}
+
+/* Bits of lanes that are within -limit and limit; what is not a number is not. Integers are compared: with fast-math, a comparison
+   of floats may take it for one. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, HYI_FW limit) {
+    return HYI_BITSW(HYI_SAMEW(HYI_MAXW_AS_INTS(HYI_SIZEW(v), limit), limit));
 }
 
 /* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
@@ -17431,13 +17498,13 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
     block->t_min = HYI_LOADW(words[3]);
     block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
-    uint32_t fit = HYI_I(hyi_within)(block->t_min, FLT_MAX) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
         block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
-        fit &= HYI_I(hyi_within)(block->origin[a], HYI_NEAR_BY) & HYI_I(hyi_within)(block->direction[a], HYI_LONGEST);
+        fit &= HYI_I(hyi_within)(block->origin[a], HYI_SETW(HYI_NEAR_BY)) & HYI_I(hyi_within)(block->direction[a], HYI_SETW(HYI_LONGEST));
     }
     HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
     block->y = HYI_LTW(block->size[0], block->size[1]);
@@ -17622,13 +17689,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
         HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
         HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
     }
-}
-
-/* A whole number in all lanes: these are only moved, and chosen from. */
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
-    float bits;
-    memcpy(&bits, &value, sizeof bits);
-    return HYI_SETW(bits);
 }
 
 /* hyi_aim.near_plane and .axis of all lanes. */
@@ -18312,7 +18372,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
-#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
@@ -18368,6 +18427,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
+#undef HYI_MAXW_AS_INTS
 #undef HYI_MIN2
 #undef HYI_MIN4
 #undef HYI_MIN4_AS_INTS

@@ -45,20 +45,34 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
     aim->exact = 0;
 }
 
+/* Whether the bits of a float's size are between those of two others; what is not a number has more than all, and fast-math leaves
+   integers alone. */
+HYI_INLINE bool HYI_I(hyi_size_within)(float value, float least, float most) {
+    uint32_t bits, low, high;
+    memcpy(&bits, &value, sizeof bits);
+    memcpy(&low, &least, sizeof low);
+    memcpy(&high, &most, sizeof high);
+    bits &= 0x7fffffffu;
+    return low <= bits && bits <= high;
+}
+
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
    or in a tree of boxes. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
     uint32_t bits[8];
-    float t_min, t_max, direction[4];
+    float t_min, t_max, origin[4], direction[4];
     memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
     memcpy(&t_min, &bits[3], sizeof t_min);
     memcpy(&t_max, &bits[7], sizeof t_max);
     HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
     uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
+    HYI_STORE4(origin, o);
     HYI_STORE4(direction, d);
-    float length = fabsf(direction[z]), limit = hyi_finite_limit(t_max);
-    if (!(length >= HYI_SHORTEST && length <= HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !(t_min <= limit)) return false;
-    if (HYI_BITS4(HYI_LE4(HYI_SIZE4(o), HYI_SET4(HYI_NEAR_BY))) != 15u || !bvh->rows) return false;
+    float limit = hyi_finite_limit(t_max);
+    if (!HYI_I(hyi_size_within)(direction[z], HYI_SHORTEST, HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !bvh->rows) return false;
+    if (!HYI_I(hyi_size_within)(t_min, 0.0f, FLT_MAX) || !(t_min <= limit)) return false;
+    for (uint32_t a = 0; a < 3; a++)
+        if (!HYI_I(hyi_size_within)(origin[a], 0.0f, HYI_NEAR_BY)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
     HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
     return true;

@@ -48,9 +48,17 @@ typedef struct HYI_I(hyi_block) {
 
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
 
-/* Bits of lanes that are within -limit and limit; what is not a number is not. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, float limit) {
-    return HYI_BITSW(HYI_LEW(HYI_SIZEW(v), HYI_SETW(limit)));
+/* A whole number in all lanes: these are only moved, and chosen from. */
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
+    float bits;
+    memcpy(&bits, &value, sizeof bits);
+    return HYI_SETW(bits);
+}
+
+/* Bits of lanes that are within -limit and limit; what is not a number is not. Integers are compared: with fast-math, a comparison
+   of floats may take it for one. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_within)(HYI_FW v, HYI_FW limit) {
+    return HYI_BITSW(HYI_SAMEW(HYI_MAXW_AS_INTS(HYI_SIZEW(v), limit), limit));
 }
 
 /* HYI_LANES successive rays; false: some are unsound, or of uncommon size. */
@@ -60,13 +68,13 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
     block->t_min = HYI_LOADW(words[3]);
     block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
-    uint32_t fit = HYI_I(hyi_within)(block->t_min, FLT_MAX) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
         block->size[a] = HYI_SIZEW(block->direction[a]);
         block->falls[a] = HYI_LTW(block->direction[a], HYI_ZEROW());
-        fit &= HYI_I(hyi_within)(block->origin[a], HYI_NEAR_BY) & HYI_I(hyi_within)(block->direction[a], HYI_LONGEST);
+        fit &= HYI_I(hyi_within)(block->origin[a], HYI_SETW(HYI_NEAR_BY)) & HYI_I(hyi_within)(block->direction[a], HYI_SETW(HYI_LONGEST));
     }
     HYI_FW of_two = HYI_MAXW(block->size[0], block->size[1]);
     block->y = HYI_LTW(block->size[0], block->size[1]);
@@ -251,13 +259,6 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
         HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
         HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
     }
-}
-
-/* A whole number in all lanes: these are only moved, and chosen from. */
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
-    float bits;
-    memcpy(&bits, &value, sizeof bits);
-    return HYI_SETW(bits);
 }
 
 /* hyi_aim.near_plane and .axis of all lanes. */

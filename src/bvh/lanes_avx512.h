@@ -163,6 +163,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_MULW(a, b) _mm512_mul_ps(a, b)
 #define HYI_MINW(a, b) _mm512_min_ps(a, b)
 #define HYI_MAXW(a, b) _mm512_max_ps(a, b)
+#define HYI_MAXW_AS_INTS(a, b) _mm512_castsi512_ps(_mm512_max_epi32(_mm512_castps_si512(a), _mm512_castps_si512(b)))
 #define HYI_SIZEW(a) _mm512_abs_ps(a)
 #define HYI_LTW(a, b) _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ)
 #define HYI_ANDW(a, b) ((__mmask16)((a) & (b)))

@@ -11,7 +11,6 @@
 #undef HYI_ANDW
 #undef HYI_AS_FLOATS
 #undef HYI_BITS2_2
-#undef HYI_BITS4
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
@@ -67,6 +66,7 @@
 #undef HYI_MAX8_AS_INTS
 #undef HYI_MAXD
 #undef HYI_MAXW
+#undef HYI_MAXW_AS_INTS
 #undef HYI_MIN2
 #undef HYI_MIN4
 #undef HYI_MIN4_AS_INTS

@@ -10,6 +10,5 @@
 #define HYI_DIV4(a, b) _mm_div_ps(a, b)
 #define HYI_MAX4(a, b) _mm_max_ps(a, b)
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
-#define HYI_BITS4(m) ((uint32_t)_mm_movemask_ps(m))
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))

@@ -79,7 +79,6 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_LT2(a, b) vcltq_f64(a, b)
 #define HYI_BITS2_2(low, high) hyi_bits2_2_neon(low, high)
 #define HYI_PIN2(a) hyi_pin2_neon(a)
-#define HYI_BITS4(m) (hyi_bits4_4_neon(m, m) & 15u)
 #define HYI_SIGNED4(size, of) vbslq_f32(vdupq_n_u32(0x80000000u), of, size)
 #include "lanes_pair.inc.h"
 #include "aim_body.inc.h"

@@ -194,6 +194,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_DIVW(a, b) HYI_DIV8(a, b)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
+#define HYI_MAXW_AS_INTS(a, b) HYI_MAX8_AS_INTS(a, b)
 #define HYI_SIZEW(a) HYI_SIZE8(a)
 #define HYI_LTW(a, b) HYI_LT8(a, b)
 #define HYI_LEW(a, b) HYI_LE8(a, b)
