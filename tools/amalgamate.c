@@ -60,6 +60,7 @@ static const char *const hydra_parts[] = {
     "src/bvh/build_spatial.h",
     "src/bvh/build_part.h",
     "src/bvh/build_cost.h",
+    "src/bvh/build_cluster.h",
     "src/bvh/build_tree.h",
     "src/bvh/build_reinsert.h",
     "src/bvh/build_collapse.h",

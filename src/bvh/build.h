@@ -4,15 +4,28 @@
 
 #include "build_collapse.h"
 
-HYI_FN void hyi_build_release(hyi_build *build) {
+HYI_FN void hyi_free_parents(hyi_build *build) {
+    if (!build->nodes_in_room) hyi_free_array(build->context, &build->parents, (size_t)build->node_capacity / 2u + 1u);
+    build->parents = NULL;
+}
+
+/* What only cutting needs. */
+HYI_FN void hyi_free_other(hyi_build *build) {
+    if (!build->in_units) hyi_free_array(build->context, &build->other, build->capacity);
+    build->other = NULL;
     hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
+}
+
+HYI_FN void hyi_build_release(hyi_build *build) {
+    hyi_free_other(build);
+    hyi_free_parents(build);
+    if (!build->nodes_in_room) {
+        hyi_free_array(build->context, &build->nodes, build->node_capacity);
+        hyi_free_array(build->context, &build->costs, build->node_capacity / 2u);
+    }
+    hyi_free_array(build->context, &build->refs, build->room);
+    hyi_free_array(build->context, &build->pieces, build->piece_count);
     hyi_free_array(build->context, &build->chunks, build->chunk_count);
-    hyi_free_array(build->context, &build->refs, build->capacity);
-    hyi_free_array(build->context, &build->other, build->capacity);
-    hyi_free_array(build->context, &build->order, build->primitive_count);
-    hyi_free_array(build->context, &build->nodes, build->node_capacity);
-    hyi_free_array(build->context, &build->parents, build->capacity);
-    hyi_free_array(build->context, &build->costs, build->node_capacity);
     hyi_free_array(build->context, &build->tasks, build->task_capacity);
     hyi_free_array(build->context, &build->wide_tasks, build->wide_task_capacity);
 }
@@ -23,9 +36,8 @@ HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
     if (build->in_units) HYI_TRY(hyi_build_units(build));
     HYI_TRY(hyi_build_tree(build));
     if (build->parents) HYI_TRY(hyi_reinsert_largest(build));
-    hyi_free_array(build->context, &build->parents, build->capacity);
-    hyi_free_array(build->context, &build->other, build->capacity);
-    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
+    hyi_free_parents(build);
+    hyi_free_other(build);
     return hyi_collapse(build);
 }
 

@@ -30,7 +30,10 @@ typedef struct hyi_wide_walk {
     uint32_t next_node, next_slot, next_task, depth;
 } hyi_wide_walk;
 
-HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t node) { return build->costs[node].leaf; }
+HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t at) {
+    const hyi_build_node *node = &build->nodes[at];
+    return hyi_build_is_leaf(node) || hyi_cost_at(build, node)->leaf;
+}
 
 /* Keeps the order: largest surface first, then who came first. */
 HYI_FN void hyi_family_add(hyi_family *family, const hyi_build *build, uint32_t node) {
@@ -47,20 +50,21 @@ HYI_FN void hyi_family_add(hyi_family *family, const hyi_build *build, uint32_t 
 
 /* Puts a subtree into up to places children. */
 HYI_FN void hyi_family_share(hyi_family *family, const hyi_build *build, uint32_t node, uint32_t places) {
-    const hyi_cost *cost = &build->costs[node];
-    while (places > 1u && cost->left[places - 2u] == 0) places--;
+    const hyi_build_node *from = &build->nodes[node];
+    if (hyi_build_is_leaf(from)) places = 1;
+    while (places > 1u && hyi_cost_at(build, from)->left[places - 2u] == 0) places--;
     if (places == 1u) {
         hyi_family_add(family, build, node);
         return;
     }
-    uint32_t left = cost->left[places - 2u];
-    hyi_family_share(family, build, build->nodes[node].first, left);
-    hyi_family_share(family, build, build->nodes[node].first + 1u, places - left);
+    uint32_t left = hyi_cost_at(build, from)->left[places - 2u];
+    hyi_family_share(family, build, from->first, left);
+    hyi_family_share(family, build, from->first + 1u, places - left);
 }
 
 /* Finds the children of a wide node, and keeps them where its costs were, which nobody asks for any more. */
 HYI_FN void hyi_gather_family(hyi_build *build, uint32_t node, hyi_family *family) {
-    hyi_cost *cost = &build->costs[node];
+    hyi_cost *cost = hyi_cost_at(build, &build->nodes[node]);
     uint32_t left = cost->left[HYI_WIDTH - 2u];
     family->count = family->inner = 0;
     hyi_family_share(family, build, build->nodes[node].first, left);
@@ -71,7 +75,7 @@ HYI_FN void hyi_gather_family(hyi_build *build, uint32_t node, hyi_family *famil
 
 /* The same once more. */
 HYI_FN void hyi_recall_family(const hyi_build *build, uint32_t node, hyi_family *family) {
-    const hyi_cost *cost = &build->costs[node];
+    const hyi_cost *cost = hyi_cost_at(build, &build->nodes[node]);
     memcpy(family->member, cost->as.members, sizeof family->member);
     family->count = cost->tips;
     family->inner = 0;
@@ -88,9 +92,8 @@ HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t 
         return hyi_gather_leaf(build, from->first + 1u, count, ids);
     }
     if (build->in_units) {
-        const hyi_ref *unit = &build->refs[from->first];
-        memcpy(ids + count, build->order + hyi_ref_id(unit), hyi_unit_count(unit) * sizeof *ids);
-        return count + hyi_unit_count(unit);
+        memcpy(ids + count, build->order + from->first, from->count * sizeof *ids);
+        return count + from->count;
     }
     for (uint32_t i = 0; i < from->count; i++) {
         uint32_t id = hyi_ref_id(&build->refs[from->first + i]), at = 0;
@@ -105,10 +108,12 @@ HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t first, uint32_t coun
     memcpy(build->bvh->ids + first, ids, count * sizeof *ids);
     if (!build->positions) return;
     float *row = build->bvh->rows + 9u * (size_t)first;
+    hyi_four scale = hyi_four_all(build->scale);
     for (uint32_t i = 0; i < count; i++) {
+        const uint32_t *index = build->indices + 3u * (size_t)ids[i];
         for (uint32_t corner = 0; corner < 3; corner++) {
-            const float *p = hyi_source_corner(build, ids[i], corner);
-            for (uint32_t a = 0; a < 3; a++) row[(3u * corner + a) * count + i] = p[a] * build->scale;
+            hyi_four p = hyi_four_load3(build->positions + 3u * (size_t)index[corner]);
+            hyi_four_scatter(hyi_four_mul(p, scale), row + 3u * corner * count + i, count);
         }
     }
 }
@@ -136,7 +141,8 @@ HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_build_node *box,
 
 /* Gives a leaf its slots, and writes it; returns the child. */
 HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary) {
-    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot, count = walk->build->costs[binary].count;
+    const hyi_build_node *node = &walk->build->nodes[binary];
+    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot, count = hyi_build_is_leaf(node) ? node->count : hyi_cost_at(walk->build, node)->count;
     if (walk->writes || walk->build->best) count = hyi_gather_leaf(walk->build, binary, 0, ids); /* parts of one triangle count once */
     walk->next_slot += count;
     if (walk->writes) hyi_write_leaf(walk->build, first, count, ids);

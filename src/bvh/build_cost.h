@@ -15,7 +15,8 @@
 
 #define HYI_COUNT_MANY 64u
 
-/* After the collapse has met a node that becomes a wide one, its children stand here instead. */
+/* Of a node with children, kept by the pair that these are. After the collapse has met a node that becomes a wide one, its
+   children stand here instead. */
 typedef struct hyi_cost {
     union {
         float in_places[HYI_WIDTH];   /* least cost in 1 to 7 places; HYI_COST_NONE: there are not as many tips */
@@ -36,19 +37,21 @@ HYI_INLINE float hyi_node_area(const hyi_build_node *node) {
 
 HYI_INLINE float hyi_leaf_cost(float area, uint32_t count) { return area * (HYI_COST_LEAF + HYI_COST_TRIANGLE * (float)count); }
 
-HYI_INLINE uint32_t hyi_count_in(const hyi_build *build, const hyi_build_node *leaf) {
-    return build->in_units ? hyi_unit_count(&build->refs[leaf->first]) : leaf->count;
+HYI_INLINE hyi_cost *hyi_cost_at(const hyi_build *build, const hyi_build_node *node) { return &build->costs[node->first / 2u]; }
+
+/* Levels below a node. */
+HYI_INLINE uint32_t hyi_height_of(const hyi_build *build, const hyi_build_node *node) {
+    return hyi_build_is_leaf(node) ? 0u : hyi_cost_at(build, node)->height;
 }
 
-HYI_INLINE void hyi_cost_of_leaf(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
-    uint32_t count = hyi_count_in(build, node);
+HYI_INLINE void hyi_cost_of_leaf(const hyi_build_node *node, hyi_cost *cost) {
     hyi_four none = hyi_four_all(HYI_COST_NONE);
     memset(cost->left, 0, sizeof cost->left);
     hyi_four_store(cost->as.in_places, none);
     hyi_four_store(cost->as.in_places + 4, none);
-    cost->as.in_places[0] = hyi_leaf_cost(hyi_node_area(node), count);
+    cost->as.in_places[0] = hyi_leaf_cost(hyi_node_area(node), node->count);
     cost->tips = 1;
-    cost->count = (uint8_t)count;
+    cost->count = (uint8_t)node->count;
     cost->leaf = true;
     cost->height = 0;
 }
@@ -74,8 +77,17 @@ HYI_INLINE void hyi_best_shares(const hyi_cost *left, const hyi_cost *right, flo
     hyi_four_truncate(high_left, to_left + 4);
 }
 
+/* The costs of a child; room: for those of a leaf. */
+HYI_INLINE const hyi_cost *hyi_cost_below(const hyi_build *build, const hyi_build_node *child, hyi_cost *room) {
+    if (!hyi_build_is_leaf(child)) return hyi_cost_at(build, child);
+    hyi_cost_of_leaf(child, room);
+    return room;
+}
+
 HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
-    const hyi_cost *left = &build->costs[node->first], *right = left + 1;
+    hyi_cost rooms[2];
+    const hyi_build_node *children = &build->nodes[node->first];
+    const hyi_cost *left = hyi_cost_below(build, &children[0], &rooms[0]), *right = hyi_cost_below(build, &children[1], &rooms[1]);
     float area = hyi_node_area(node), shared[HYI_WIDTH];
     int32_t to_left[HYI_WIDTH];
     uint32_t count = (uint32_t)left->count + right->count, tips = (uint32_t)left->tips + right->tips;
@@ -98,11 +110,15 @@ HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node
     cost->left[HYI_WIDTH - 2u] = (uint8_t)to_left[tips - 2u];
 }
 
-/* The costs of a node whose children's are known. */
+/* The costs of a node whose children's are known; of triangles in units, their count as well. */
 HYI_INLINE void hyi_cost_of(const hyi_build *build, uint32_t at) {
-    const hyi_build_node *node = &build->nodes[at];
-    if (hyi_build_is_leaf(node)) hyi_cost_of_leaf(build, node, &build->costs[at]);
-    else hyi_cost_of_inner(build, node, &build->costs[at]);
+    hyi_build_node *node = &build->nodes[at];
+    const hyi_build_node *left, *right;
+    if (hyi_build_is_leaf(node)) return;
+    left = &build->nodes[node->first];
+    right = left + 1;
+    if (build->in_units) node->count = HYI_BUILD_INNER | ((left->count & ~HYI_BUILD_INNER) + (right->count & ~HYI_BUILD_INNER));
+    hyi_cost_of_inner(build, node, hyi_cost_at(build, node));
 }
 
 /* Those above the tasks: what has more references than these. Goes no deeper than HYI_TREE_DEPTH. */

@@ -37,6 +37,13 @@ typedef struct hyi_chunk_sum {
     uint32_t kept, first;
 } hyi_chunk_sum;
 
+/* A piece of the curve of a quick build: so many triangles become units, and these clusters. */
+typedef struct hyi_piece {
+    hyi_bounds centroids; /* of the clusters */
+    uint32_t units, clusters, first_pair, first_ref;
+} hyi_piece;
+#define HYI_PIECE 1024u
+
 typedef struct hyi_build {
     hydra_context *context;
     const float *positions;   /* triangles */
@@ -44,17 +51,23 @@ typedef struct hyi_build {
     const hyi_box *boxes;     /* or boxes */
     uint32_t source_count, ref_count;
     uint32_t capacity;        /* places for references: ref_count and what spatial splits may add */
-    uint32_t primitive_count; /* of which the references are, or units of them */
+    uint32_t primitive_count; /* in units: triangles; references are to clusters of units then */
     uint32_t leaf_max;        /* primitives in a leaf */
     uint32_t range_max;       /* references in a range that no cut divides */
-    bool in_units;            /* a reference is a unit of several, see bvh-build-units */
-    uint32_t *order;          /* of units: ids by place */
+    bool in_units;            /* a quick build: see bvh-build-units and bvh-build-cluster */
+    uint32_t *order;          /* in units: ids by place */
+    uint64_t *keys;           /* in units: codes and references; then what clusters are made of */
+    hyi_piece *pieces;
+    uint32_t piece_count, unit_count;
+    size_t room;              /* places in the block that begins with refs, and in quick builds goes on with other arrays */
+    void *spare;              /* the end of that */
+    bool nodes_in_room;       /* nodes, costs and parents lie there as well */
     bool best;                /* spatial splits, and reinsertion */
     float scale;
     hyi_ref *refs, *other;    /* other: where ranges are partitioned to */
     hyi_build_node *nodes;
     uint32_t node_capacity;
-    struct hyi_cost *costs;   /* of subtrees, by node */
+    struct hyi_cost *costs;   /* of subtrees, by pairs of nodes */
     uint32_t *parents;        /* by pairs of nodes; NULL: nobody asks */
     hyi_chunk_sum *chunks;
     uint32_t chunk_count;
@@ -105,6 +118,16 @@ HYI_INLINE bool hyi_triangle_is_degenerate(const float *a, const float *b, const
     return e[1] * f[2] == e[2] * f[1] && e[2] * f[0] == e[0] * f[2] && e[0] * f[1] == e[1] * f[0];
 }
 
+/* hyi_triangle_is_degenerate, answered in float where float is sure: each part of the cross product, p - q, is off by a
+   few 2^-24 of |p| + |q|, unless that is next to underflow; overflow makes no comparison true. */
+HYI_INLINE bool hyi_four_is_flat(hyi_four a, hyi_four b, hyi_four c, const float *pa, const float *pb, const float *pc) {
+    hyi_four e = hyi_four_sub(b, a), f = hyi_four_sub(c, a);
+    hyi_four p = hyi_four_mul(hyi_four_turn(e), hyi_four_turn(hyi_four_turn(f))), q = hyi_four_mul(hyi_four_turn(hyi_four_turn(e)), hyi_four_turn(f));
+    hyi_four size = hyi_four_add(hyi_four_abs(p), hyi_four_abs(q));
+    hyi_four doubt = hyi_four_add(hyi_four_mul(size, hyi_four_all(9.5367431640625e-07f)), hyi_four_all(7.52316384526264e-37f));
+    return !hyi_four_exceeds(hyi_four_abs(hyi_four_sub(p, q)), doubt) && hyi_triangle_is_degenerate(pa, pb, pc);
+}
+
 /* Corner of triangle id of the source. */
 HYI_INLINE const float *hyi_source_corner(const hyi_build *build, uint32_t id, uint32_t corner) {
     return build->positions + 3u * (size_t)build->indices[3u * (size_t)id + corner];
@@ -117,10 +140,10 @@ HYI_INLINE bool hyi_source_box(const hyi_build *build, uint32_t i, hyi_bounds *b
         return true;
     }
     const float *a = hyi_source_corner(build, i, 0), *b = hyi_source_corner(build, i, 1), *c = hyi_source_corner(build, i, 2);
-    hyi_four p = hyi_four_make(a[0], a[1], a[2]), q = hyi_four_make(b[0], b[1], b[2]), r = hyi_four_make(c[0], c[1], c[2]);
+    hyi_four p = hyi_four_load3(a), q = hyi_four_load3(b), r = hyi_four_load3(c);
     box->lower = hyi_four_min(hyi_four_min(p, q), r);
     box->upper = hyi_four_max(hyi_four_max(p, q), r);
-    return !hyi_triangle_is_degenerate(a, b, c);
+    return !hyi_four_is_flat(p, q, r, a, b, c);
 }
 
 HYI_INLINE uint32_t hyi_chunks_of(uint32_t count) { return count / HYI_BUILD_CHUNK + (count % HYI_BUILD_CHUNK != 0u); }
@@ -163,6 +186,11 @@ HYI_FN float hyi_build_scale(const hyi_box *box) {
     return ldexpf(1.0f, exponent < -126 ? 126 : -exponent);
 }
 
+/* Each chunk where its part of the source is. */
+HYI_FN void hyi_spread_chunks(hyi_build *build) {
+    for (uint32_t c = 0; c < build->chunk_count; c++) build->chunks[c].first = c * HYI_BUILD_CHUNK;
+}
+
 /* Adds up the chunks: what is kept, the bounds, and where each chunk would begin without gaps. */
 HYI_FN void hyi_sum_chunks(hyi_build *build) {
     build->ref_count = 0;
@@ -177,8 +205,28 @@ HYI_FN void hyi_sum_chunks(hyi_build *build) {
     build->root_area = hyi_bounds_area(&build->root_box);
 }
 
+/* A quick build works in one block. The C library gives large ones back to the system unless they come again and again, and
+   fresh pages take up to a sixth of the time of the build. */
+#define HYI_KEY_COUNTS 8192u /* keys' places for the counts of the sort, behind two arrays of keys */
+
+#define HYI_SPARE_BYTES 24u  /* for each triangle: costs and parents where units have two or more */
+
+HYI_INLINE size_t hyi_key_places(uint32_t count) { return 2u * (size_t)count + HYI_KEY_COUNTS; }
+
+HYI_FN size_t hyi_quick_room(uint32_t count) {
+    size_t keys = hyi_key_places(count) * sizeof(uint64_t), order = (size_t)count * sizeof(uint32_t);
+    return 2u * (size_t)count + (keys + order + (size_t)count * HYI_SPARE_BYTES) / sizeof(hyi_ref) + 2u;
+}
+
+HYI_FN void hyi_share_room(hyi_build *build) {
+    build->other = build->refs + build->capacity;
+    build->keys = (uint64_t *)(void *)(build->other + build->capacity);
+    build->order = (uint32_t *)(void *)(build->keys + hyi_key_places(build->source_count));
+    build->spare = build->order + (build->source_count + 7u) / 8u * 8u;
+}
+
 /* Allocates and fills the references, sets the bounds and the scale, and counts what is kept. Unscaled and without
-   gaps, as references nearly always are, one pass does. */
+   gaps, as references nearly always are, one pass does. In quick builds gaps stay: references are about to be sorted. */
 HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
     uint32_t room = HYI_PRIMITIVES_MAX - build->source_count; /* slots have as many bits */
     uint32_t extra = build->best ? (uint32_t)((uint64_t)build->source_count * HYI_BUILD_EXTRA_PERCENT / 100u) : 0u;
@@ -186,8 +234,10 @@ HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
     build->capacity = build->source_count + (extra < room ? extra : room);
     build->scale = 1.0f;
     HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
-    HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->capacity));
-    for (uint32_t c = 0; c < build->chunk_count; c++) build->chunks[c].first = c * HYI_BUILD_CHUNK;
+    build->room = build->in_units ? hyi_quick_room(build->source_count) : build->capacity;
+    HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->room));
+    if (build->in_units) hyi_share_room(build);
+    hyi_spread_chunks(build);
     hyi_parallel(build->context, build->chunk_count, hyi_fill_chunk, build);
     hyi_sum_chunks(build);
     build->bvh->degenerate = build->source_count - build->ref_count;
@@ -195,7 +245,8 @@ HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
     if (build->ref_count == 0) return HYDRA_OK;
     hyi_bounds_store(&build->root_box, build->bvh->bounds.lower, build->bvh->bounds.upper);
     build->scale = hyi_build_scale(&build->bvh->bounds);
-    if (build->ref_count == build->source_count && build->scale == 1.0f) return HYDRA_OK;
+    if ((build->in_units || build->ref_count == build->source_count) && build->scale == 1.0f) return HYDRA_OK;
+    if (build->in_units) hyi_spread_chunks(build);
     hyi_parallel(build->context, build->chunk_count, hyi_fill_chunk, build);
     hyi_sum_chunks(build);
     return HYDRA_OK;

@@ -140,10 +140,9 @@ HYI_FN void hyi_find_movers(void *argument, uint32_t piece) {
 
 /* ---- moves */
 
-/* Gives a node another place: its costs and its children go along. */
-HYI_FN void hyi_replace_node(hyi_build *build, uint32_t at, const hyi_build_node *node, const hyi_cost *cost) {
+/* Gives a node another place: its children, and costs with them, go along. */
+HYI_FN void hyi_replace_node(hyi_build *build, uint32_t at, const hyi_build_node *node) {
     build->nodes[at] = *node;
-    build->costs[at] = *cost;
     if (!hyi_build_is_leaf(node)) build->parents[node->first / 2u] = at;
 }
 
@@ -152,19 +151,21 @@ HYI_FN void hyi_mend_above(hyi_build *build, uint32_t at) {
     for (; at != HYI_NO_NODE; at = hyi_parent_of(build, at)) {
         hyi_build_node *node = &build->nodes[at];
         const hyi_build_node *left = &build->nodes[node->first], *right = left + 1;
-        const hyi_cost *low = &build->costs[node->first], *high = low + 1;
+        uint32_t low = hyi_height_of(build, left), high = hyi_height_of(build, right);
+        hyi_cost *cost = hyi_cost_at(build, node);
         hyi_bounds box = hyi_node_bounds(build, node->first), other = hyi_node_bounds(build, node->first + 1u);
         hyi_bounds_add(&box, other.lower, other.upper);
         hyi_bounds_store(&box, node->lower, node->upper);
         node->count = HYI_BUILD_INNER | ((left->count & ~HYI_BUILD_INNER) + (right->count & ~HYI_BUILD_INNER));
-        build->costs[at].height = (uint8_t)(1u + (low->height > high->height ? low->height : high->height));
-        build->costs[at].tips = 0;
+        cost->height = (uint8_t)(1u + (low > high ? low : high));
+        cost->tips = 0;
     }
 }
 
 /* Whether the tree gets too deep. */
 HYI_FN bool hyi_move_is_deep(const hyi_build *build, uint32_t node, uint32_t to) {
-    uint32_t depth = 1, below = build->costs[node].height > build->costs[to].height ? build->costs[node].height : build->costs[to].height;
+    uint32_t depth = 1, below = hyi_height_of(build, &build->nodes[node]), other = hyi_height_of(build, &build->nodes[to]);
+    below = other > below ? other : below;
     for (uint32_t at = to; at != HYI_NO_NODE; at = hyi_parent_of(build, at)) depth++;
     return depth + below >= HYI_TREE_DEPTH;
 }
@@ -173,15 +174,12 @@ HYI_FN bool hyi_move_is_deep(const hyi_build *build, uint32_t node, uint32_t to)
 HYI_FN void hyi_make_move(hyi_build *build, uint32_t node, uint32_t to) {
     uint32_t pair = node & ~1u, parent = hyi_parent_of(build, node), above = hyi_parent_of(build, parent);
     hyi_build_node mover = build->nodes[node], stays = build->nodes[node ^ 1u];
-    hyi_cost mover_cost = build->costs[node], stays_cost = build->costs[node ^ 1u];
-    hyi_replace_node(build, parent, &stays, &stays_cost);
+    hyi_replace_node(build, parent, &stays);
     hyi_build_node partner = build->nodes[to];
-    hyi_cost partner_cost = build->costs[to];
-    hyi_replace_node(build, pair, &mover, &mover_cost);
-    hyi_replace_node(build, pair + 1u, &partner, &partner_cost);
+    hyi_replace_node(build, pair, &mover);
+    hyi_replace_node(build, pair + 1u, &partner);
     build->nodes[to].first = pair;
     build->nodes[to].count = HYI_BUILD_INNER;
-    build->costs[to].leaf = false;
     build->parents[pair / 2u] = to;
     hyi_mend_above(build, above == to ? pair + 1u : above); /* as a partner it stands elsewhere now */
     hyi_mend_above(build, to);
@@ -201,9 +199,10 @@ HYI_FN void hyi_reinsert_pass(hyi_reinsert *work) {
 
 /* Costs of the nodes above those that moved. */
 HYI_FN void hyi_cost_mended(const hyi_build *build, uint32_t at) {
-    if (build->costs[at].tips != 0) return;
-    hyi_cost_mended(build, build->nodes[at].first);
-    hyi_cost_mended(build, build->nodes[at].first + 1u);
+    const hyi_build_node *node = &build->nodes[at];
+    if (hyi_build_is_leaf(node) || hyi_cost_at(build, node)->tips != 0) return;
+    hyi_cost_mended(build, node->first);
+    hyi_cost_mended(build, node->first + 1u);
     hyi_cost_of(build, at);
 }
 
@@ -215,7 +214,7 @@ typedef struct hyi_reinsert_effort {
 HYI_FN hydra_result hyi_reinsert_largest(hyi_build *build) {
     const hyi_reinsert_effort thorough = {2, 25, 1024}, quick = {4, 200, 128}, effort = build->best ? thorough : quick;
     hyi_reinsert work;
-    uint32_t nodes = 2u * build->ref_count - 1u, most = build->ref_count / effort.share;
+    uint32_t count = build->in_units ? build->unit_count : build->ref_count, nodes = 2u * count - 1u, most = count / effort.share;
     memset(&work, 0, sizeof work);
     work.build = build;
     work.root = build->node_capacity - 1u;

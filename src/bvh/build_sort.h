@@ -78,17 +78,21 @@ HYI_INLINE uint32_t hyi_code_of(const hyi_curve *curve, hyi_four centroid) {
 /* ---- pieces */
 
 #define HYI_SORT_PIECES 64u
+#define HYI_SORT_PIECE 8192u /* the least keys of a piece: with fewer, threads wait for each other longer than they work */
+HYI_STATIC_ASSERT(HYI_SORT_PIECES * HYI_DIGITS * sizeof(uint32_t) <= HYI_KEY_COUNTS * sizeof(uint64_t));
 
 HYI_INLINE uint32_t hyi_piece_begin(const hyi_sort *sort, uint32_t piece) {
     return (uint32_t)((uint64_t)sort->count * piece / sort->pieces);
 }
 
-HYI_FN void hyi_make_keys(void *argument, uint32_t piece) {
+/* References of a chunk lie where its part of the source does, without gaps; keys have none at all. */
+HYI_FN void hyi_make_keys(void *argument, uint32_t index) {
     hyi_sort *sort = (hyi_sort *)argument;
-    uint32_t end = hyi_piece_begin(sort, piece + 1u);
-    for (uint32_t i = hyi_piece_begin(sort, piece); i < end; i++) {
-        hyi_bounds box = hyi_ref_box(&sort->build->refs[i]);
-        sort->keys[i] = (uint64_t)hyi_code_of(&sort->curve, hyi_centroid(&box)) << 32 | i;
+    const hyi_chunk_sum *chunk = &sort->build->chunks[index];
+    for (uint32_t i = 0; i < chunk->kept; i++) {
+        uint32_t at = index * HYI_BUILD_CHUNK + i;
+        hyi_bounds box = hyi_ref_box(&sort->build->refs[at]);
+        sort->keys[chunk->first + i] = (uint64_t)hyi_code_of(&sort->curve, hyi_centroid(&box)) << 32 | at;
     }
 }
 

@@ -2,7 +2,7 @@
 #ifndef HYI_BVH_BUILD_TREE_H
 #define HYI_BVH_BUILD_TREE_H
 
-#include "build_cost.h"
+#include "build_cluster.h"
 
 /* Ranges above this are cut by all threads together. */
 #define HYI_BUILD_LARGE (4u * HYI_BUILD_CHUNK)
@@ -66,8 +66,8 @@ HYI_FN bool hyi_part_small(hyi_build *build, const hyi_range *range, const hyi_b
 
 #define HYI_SWEPT 8u
 
-/* Cuts a few units where they lie, at the best place there is: partitions keep the order, so it is still Morton's. */
-HYI_FN void hyi_sweep_units(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
+/* Cuts a few clusters where they lie, at the best place there is: partitions keep the order, so it is still Morton's. */
+HYI_FN void hyi_sweep_clusters(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
     const hyi_ref *refs = build->refs + range->first;
     hyi_bounds after[HYI_SWEPT], box = hyi_bounds_empty();
     float cost[HYI_SWEPT], best = FLT_MAX;
@@ -97,7 +97,7 @@ HYI_FN void hyi_sweep_units(hyi_build *build, const hyi_range *range, hyi_range 
 HYI_FN bool hyi_split_small(hyi_build *build, hyi_small *work, const hyi_range *range, hyi_range *left, hyi_range *right) {
     if (range->count < 2u) return false;
     if (build->in_units && range->count <= HYI_SWEPT) {
-        hyi_sweep_units(build, range, left, right);
+        hyi_sweep_clusters(build, range, left, right);
         return true;
     }
     hyi_binning binning = hyi_make_binning(&range->centroids, range->count);
@@ -109,6 +109,12 @@ HYI_FN bool hyi_split_small(hyi_build *build, hyi_small *work, const hyi_range *
     if (range->count <= build->range_max) return false;
     hyi_split_middle(build, range, left, right);
     return true;
+}
+
+/* The node of a range that lies in refs. */
+HYI_INLINE void hyi_set_range_node(hyi_build *build, const hyi_range *range) {
+    if (build->in_units && range->count == 1u) hyi_set_cluster_node(build, range->node, &build->refs[range->first]);
+    else hyi_set_build_node(build, range);
 }
 
 /* Depth first with a list of its own: an entry a level for the other child, and one for the node itself, which gets its
@@ -123,7 +129,7 @@ HYI_FN void hyi_build_subtree(void *argument, uint32_t index) {
     while (waiting > 0) {
         hyi_range range = list[--waiting], left, right;
         bool done = range.count == 0;
-        if (!done) hyi_set_build_node(build, &range);
+        if (!done) hyi_set_range_node(build, &range);
         if (done || !hyi_split_small(build, &work, &range, &left, &right)) {
             hyi_cost_of(build, range.node);
             continue;
@@ -277,7 +283,8 @@ HYI_FN hyi_range hyi_root_range(const hyi_build *build) {
     root.box = build->root_box;
     root.centroids = build->root_centroids;
     root.node = build->node_capacity - 1u;
-    root.first = root.depth = 0;
+    root.first = 0;
+    root.depth = build->in_units ? HYI_CLUSTER_HEIGHT : 0u; /* levels that are taken */
     root.count = build->ref_count;
     root.capacity = hyi_places(build);
     root.in_other = false;
@@ -347,20 +354,41 @@ HYI_FN hydra_result hyi_cut_tasks(hyi_build *build) {
     }
 }
 
+/* Whether quick builds have places left for nodes: those of the references that units were made of, behind the ones to
+   clusters, each pair in one cache line. */
+HYI_FN bool hyi_nodes_in_room(hyi_build *build, uint32_t pairs) {
+    size_t first = ((size_t)build->ref_count + 1u) / 2u * 2u;
+    size_t spare = (size_t)pairs * sizeof(hyi_cost) + ((size_t)pairs + 1u) * sizeof(uint32_t);
+    if (first + build->node_capacity > build->capacity || spare > (size_t)build->capacity * HYI_SPARE_BYTES) return false;
+    build->nodes = (hyi_build_node *)(void *)(build->refs + first);
+    build->costs = (hyi_cost *)build->spare;
+    build->parents = (uint32_t *)(void *)(build->costs + pairs);
+    return true;
+}
+
+/* Places for nodes, and for what is kept by pairs of them. */
+HYI_FN hydra_result hyi_place_nodes(hyi_build *build) {
+    uint32_t pairs = (build->in_units ? build->unit_count : hyi_places(build)) - 1u;
+    build->node_capacity = 2u * pairs + 1u;
+    build->nodes_in_room = build->in_units && hyi_nodes_in_room(build, pairs);
+    if (!build->nodes_in_room) {
+        HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
+        HYI_TRY(hyi_alloc_array(build->context, &build->costs, pairs));
+        if (build->positions) HYI_TRY(hyi_alloc_array(build->context, &build->parents, (size_t)pairs + 1u));
+    }
+    if (build->parents) build->parents[pairs] = UINT32_MAX; /* of the root */
+    return HYDRA_OK;
+}
+
 /* The binary tree over all references; its root is the last node. */
 HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
-    build->node_capacity = 2u * hyi_places(build) - 1u;
-    HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
-    HYI_TRY(hyi_alloc_array(build->context, &build->costs, build->node_capacity));
-    if (build->positions) {
-        HYI_TRY(hyi_alloc_array(build->context, &build->parents, build->capacity));
-        build->parents[hyi_places(build) - 1u] = UINT32_MAX; /* of the root */
-    }
+    HYI_TRY(hyi_place_nodes(build));
     if (!build->other) HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
     if (build->ref_count > HYI_BUILD_LARGE) {
         build->chunk_split_count = hyi_chunks_of(build->capacity);
         HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_split_count));
     }
+    if (build->in_units) hyi_place_clusters(build);
     HYI_TRY(hyi_cut_large(build));
     HYI_TRY(hyi_cut_tasks(build));
     hyi_parallel(build->context, build->task_count, hyi_build_subtree, build);

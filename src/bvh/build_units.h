@@ -1,8 +1,8 @@
 /* >>bvh-build-units: triangles in Morton order merged to leaves, for quick builds
 
    As in Meister, Bittner 2018, "Parallel locally-ordered clustering for bounding volume hierarchy construction", neighbours
-   on the curve that are each other's best partner merge, until no merge makes the tree cheaper. What they end as is a unit,
-   which no cut takes apart again: the tree above is cut top down over units, a third as many as triangles or fewer. */
+   on the curve that are each other's best partner merge, until no merge makes the tree cheaper. What they end as is a unit:
+   a leaf of the binary tree, of which there are a third as many as triangles or fewer. */
 #ifndef HYI_BVH_BUILD_UNITS_H
 #define HYI_BVH_BUILD_UNITS_H
 
@@ -13,7 +13,7 @@
 #define HYI_UNIT_VISIT 1.0f
 #define HYI_UNIT_TRIANGLE 0.05f
 #define HYI_UNIT_PLACE 0.16f
-#define HYI_MERGE_FEW 64u /* passes end when one has merged less than this part of the units */
+#define HYI_MERGE_FEW 8u /* passes end when one has merged less than this part of the units */
 
 /* A unit is a reference whose id is its first place in the order, and lane 3 of upper its number of triangles. */
 HYI_INLINE uint32_t hyi_unit_count(const hyi_ref *unit) {
@@ -72,82 +72,22 @@ HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count, uint32_t most, fl
     return left;
 }
 
-/* ---- pieces, each by itself */
-
-typedef struct hyi_units {
-    hyi_build *build;
-    const uint64_t *keys;
-} hyi_units;
-
-HYI_FN void hyi_merge_chunk(void *argument, uint32_t chunk) {
-    hyi_units *units = (hyi_units *)argument;
-    hyi_build *build = units->build;
-    uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, build->primitive_count), count = end - begin, before;
-    hyi_ref *room = build->other + begin;
-    float losses[HYI_BUILD_CHUNK];
-    for (uint32_t i = begin; i < end; i++) {
-        const hyi_ref *ref = &build->refs[(uint32_t)units->keys[i]];
+/* Triangles of a part of the order become units, in the same places of other; returns how many. */
+HYI_FN uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count) {
+    hyi_ref *units = build->other + begin;
+    float losses[HYI_PIECE];
+    uint32_t before, left = count;
+    for (uint32_t i = 0; i < count; i++) {
+        const hyi_ref *ref = &build->refs[(uint32_t)build->keys[begin + i]];
         hyi_bounds box = hyi_ref_box(ref);
-        build->order[i] = hyi_ref_id(ref);
-        hyi_unit_set(&build->other[i], &box, i, 1);
+        build->order[begin + i] = hyi_ref_id(ref);
+        hyi_unit_set(&units[i], &box, begin + i, 1);
     }
     do {
-        before = count;
-        count = hyi_merge_pass(room, count, build->leaf_max, losses);
-    } while (count < before - before / HYI_MERGE_FEW);
-    build->chunks[chunk].kept = count;
-}
-
-/* Brings units together; measures them. */
-HYI_FN void hyi_gather_chunk(void *argument, uint32_t chunk) {
-    hyi_build *build = (hyi_build *)argument;
-    hyi_chunk_sum *sum = &build->chunks[chunk];
-    const hyi_ref *from = build->other + chunk * HYI_BUILD_CHUNK;
-    hyi_bounds centroids = hyi_bounds_empty();
-    memcpy(build->refs + sum->first, from, sum->kept * sizeof *from);
-    for (uint32_t i = 0; i < sum->kept; i++) {
-        hyi_bounds box = hyi_ref_box(&from[i]);
-        hyi_four centroid = hyi_centroid(&box);
-        hyi_bounds_add(&centroids, centroid, centroid);
-    }
-    sum->centroids = centroids;
-}
-
-HYI_FN void hyi_make_units(hyi_build *build, const uint64_t *keys) {
-    hyi_units units = {build, keys};
-    uint32_t chunks = hyi_chunks_of(build->primitive_count);
-    hyi_parallel(build->context, chunks, hyi_merge_chunk, &units);
-    build->ref_count = 0;
-    for (uint32_t c = 0; c < chunks; c++) {
-        build->chunks[c].first = build->ref_count;
-        build->ref_count += build->chunks[c].kept;
-    }
-    hyi_parallel(build->context, chunks, hyi_gather_chunk, build);
-    build->root_centroids = hyi_bounds_empty();
-    for (uint32_t c = 0; c < chunks; c++)
-        hyi_bounds_add(&build->root_centroids, build->chunks[c].centroids.lower, build->chunks[c].centroids.upper);
-}
-
-/* References become units. */
-HYI_FN hydra_result hyi_build_units(hyi_build *build) {
-    hyi_sort sort;
-    uint64_t *keys;
-    uint32_t count = build->primitive_count = build->ref_count;
-    sort.build = build;
-    sort.count = count;
-    sort.pieces = hyi_chunks_of(count) < HYI_SORT_PIECES ? hyi_chunks_of(count) : HYI_SORT_PIECES;
-    HYI_TRY(hyi_alloc_array(build->context, &build->order, count));
-    HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
-    HYI_TRY(hyi_alloc_array(build->context, &keys, 2u * (size_t)count + sort.pieces * HYI_DIGITS / 2u));
-    sort.keys = keys;
-    sort.other = keys + count;
-    sort.counts = (uint32_t *)(void *)(keys + 2u * (size_t)count);
-    hyi_make_curve(&build->root_centroids, &sort.curve);
-    hyi_parallel(build->context, sort.pieces, hyi_make_keys, &sort);
-    hyi_sort_keys(&sort);
-    hyi_make_units(build, sort.keys);
-    hyi_free_array(build->context, &keys, 2u * (size_t)count + sort.pieces * HYI_DIGITS / 2u);
-    return HYDRA_OK;
+        before = left;
+        left = hyi_merge_pass(units, left, build->leaf_max, losses);
+    } while (left < before - before / HYI_MERGE_FEW);
+    return left;
 }
 
 #endif /* HYI_BVH_BUILD_UNITS_H */

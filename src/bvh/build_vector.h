@@ -13,6 +13,9 @@ typedef __m128 hyi_four;
 HYI_INLINE hyi_four hyi_four_all(float x) { return _mm_set1_ps(x); }
 HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) { return _mm_setr_ps(x, y, z, 0.0f); }
 HYI_INLINE hyi_four hyi_four_load(const float *p) { return _mm_loadu_ps(p); }
+HYI_INLINE hyi_four hyi_four_load3(const float *p) {
+    return _mm_movelh_ps(_mm_castsi128_ps(_mm_loadl_epi64((const __m128i *)(const void *)p)), _mm_load_ss(p + 2));
+}
 HYI_INLINE void hyi_four_store(float *p, hyi_four a) { _mm_storeu_ps(p, a); }
 HYI_INLINE hyi_four hyi_four_min(hyi_four a, hyi_four b) { return _mm_min_ps(a, b); }
 HYI_INLINE hyi_four hyi_four_max(hyi_four a, hyi_four b) { return _mm_max_ps(a, b); }
@@ -29,6 +32,7 @@ HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_f
     __m128 less = _mm_cmplt_ps(a, b);
     return _mm_or_ps(_mm_and_ps(less, x), _mm_andnot_ps(less, y));
 }
+HYI_INLINE void hyi_four_transpose(hyi_four a[4]) { _MM_TRANSPOSE4_PS(a[0], a[1], a[2], a[3]); }
 /* Whether a > b in x, y or z. */
 HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return (_mm_movemask_ps(_mm_cmpgt_ps(a, b)) & 7) != 0; }
 
@@ -41,6 +45,7 @@ HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) {
     const float lanes[4] = {x, y, z, 0.0f};
     return vld1q_f32(lanes);
 }
+HYI_INLINE hyi_four hyi_four_load3(const float *p) { return vcombine_f32(vld1_f32(p), vset_lane_f32(p[2], vdup_n_f32(0.0f), 0)); }
 HYI_INLINE void hyi_four_store(float *p, hyi_four a) { vst1q_f32(p, a); }
 HYI_INLINE hyi_four hyi_four_min(hyi_four a, hyi_four b) { return vminq_f32(a, b); }
 HYI_INLINE hyi_four hyi_four_max(hyi_four a, hyi_four b) { return vmaxq_f32(a, b); }
@@ -51,6 +56,13 @@ HYI_INLINE hyi_four hyi_four_turn(hyi_four a) { return vsetq_lane_f32(vgetq_lane
 HYI_INLINE float hyi_four_sum(hyi_four a) { return vgetq_lane_f32(a, 0) + vgetq_lane_f32(a, 1) + vgetq_lane_f32(a, 2); }
 HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { vst1q_s32(to, vcvtq_s32_f32(a)); }
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) { return vbslq_f32(vcltq_f32(a, b), x, y); }
+HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
+    float32x4x2_t low = vtrnq_f32(a[0], a[1]), high = vtrnq_f32(a[2], a[3]);
+    a[0] = vcombine_f32(vget_low_f32(low.val[0]), vget_low_f32(high.val[0]));
+    a[1] = vcombine_f32(vget_low_f32(low.val[1]), vget_low_f32(high.val[1]));
+    a[2] = vcombine_f32(vget_high_f32(low.val[0]), vget_high_f32(high.val[0]));
+    a[3] = vcombine_f32(vget_high_f32(low.val[1]), vget_high_f32(high.val[1]));
+}
 HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) {
     uint32x4_t more = vcgtq_f32(a, b);
     return (vgetq_lane_u32(more, 0) | vgetq_lane_u32(more, 1) | vgetq_lane_u32(more, 2)) != 0u;
@@ -81,6 +93,7 @@ HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) {
     r.f[3] = 0.0f;
     return r;
 }
+HYI_INLINE hyi_four hyi_four_load3(const float *p) { return hyi_four_make(p[0], p[1], p[2]); }
 HYI_INLINE hyi_four hyi_four_all(float x) {
     hyi_four r = hyi_four_make(x, x, x);
     r.f[3] = x;
@@ -105,6 +118,15 @@ HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_f
     for (int i = 0; i < 4; i++) x.f[i] = a.f[i] < b.f[i] ? x.f[i] : y.f[i];
     return x;
 }
+HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
+    for (int i = 0; i < 4; i++) {
+        for (int j = 0; j < i; j++) {
+            float keep = a[i].f[j];
+            a[i].f[j] = a[j].f[i];
+            a[j].f[i] = keep;
+        }
+    }
+}
 HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return a.f[0] > b.f[0] || a.f[1] > b.f[1] || a.f[2] > b.f[2]; }
 
 #endif
@@ -121,6 +143,19 @@ HYI_INLINE hyi_four hyi_four_rounded(hyi_four a) {
     for (int i = 0; i < 4; i++) a.f[i] = hyi_rounded(a.f[i]);
 #endif
     return a;
+}
+
+/* x, y and z, each stride floats behind the other. */
+HYI_INLINE void hyi_four_scatter(hyi_four a, float *to, uint32_t stride) {
+#if HYI_X86
+    _mm_store_ss(to, a);
+    _mm_store_ss(to + stride, _mm_shuffle_ps(a, a, 1));
+    _mm_store_ss(to + 2u * stride, _mm_movehl_ps(a, a));
+#else
+    float lanes[4];
+    hyi_four_store(lanes, a);
+    for (uint32_t i = 0; i < 3; i++) to[i * stride] = lanes[i];
+#endif
 }
 
 /* ---- boxes */
@@ -170,8 +205,8 @@ HYI_INLINE void hyi_bounds_store(const hyi_bounds *b, float *lower, float *upper
 
 HYI_INLINE hyi_bounds hyi_bounds_load(const float *lower, const float *upper) {
     hyi_bounds b;
-    b.lower = hyi_four_make(lower[0], lower[1], lower[2]);
-    b.upper = hyi_four_make(upper[0], upper[1], upper[2]);
+    b.lower = hyi_four_load3(lower);
+    b.upper = hyi_four_load3(upper);
     return b;
 }
 

@@ -23,21 +23,6 @@ HYI_INLINE hyi_box hyi_box_of(const hyi_bounds *bounds) {
     return box;
 }
 
-HYI_INLINE hyi_four hyi_point(const float *p) { return hyi_four_make(p[0], p[1], p[2]); }
-
-/* x, y and z, each stride floats behind the other. */
-HYI_INLINE void hyi_four_scatter(hyi_four a, float *to, uint32_t stride) {
-#if HYI_X86
-    _mm_store_ss(to, a);
-    _mm_store_ss(to + stride, _mm_shuffle_ps(a, a, 1));
-    _mm_store_ss(to + 2u * stride, _mm_movehl_ps(a, a));
-#else
-    float lanes[4];
-    hyi_four_store(lanes, a);
-    for (uint32_t i = 0; i < 3; i++) to[i * stride] = lanes[i];
-#endif
-}
-
 /* ---- expected cost */
 
 /* What visiting a child adds to the cost of a tree, by the share of rays that come there. */
@@ -106,16 +91,6 @@ HYI_FN void hyi_refit_add(hyi_refit_sum *sum, const hyi_refit_sum *more) {
     sum->areas += more->areas;
 }
 
-/* hyi_triangle_is_degenerate, answered in float where float is sure: each part of the cross product, p - q, is off by a
-   few 2^-24 of |p| + |q|, unless that is next to underflow; overflow makes no comparison true. */
-HYI_INLINE bool hyi_four_is_flat(hyi_four a, hyi_four b, hyi_four c, const float *pa, const float *pb, const float *pc) {
-    hyi_four e = hyi_four_sub(b, a), f = hyi_four_sub(c, a);
-    hyi_four p = hyi_four_mul(hyi_four_turn(e), hyi_four_turn(hyi_four_turn(f))), q = hyi_four_mul(hyi_four_turn(hyi_four_turn(e)), hyi_four_turn(f));
-    hyi_four size = hyi_four_add(hyi_four_abs(p), hyi_four_abs(q));
-    hyi_four doubt = hyi_four_add(hyi_four_mul(size, hyi_four_all(9.5367431640625e-07f)), hyi_four_all(7.52316384526264e-37f));
-    return !hyi_four_exceeds(hyi_four_abs(hyi_four_sub(p, q)), doubt) && hyi_triangle_is_degenerate(pa, pb, pc);
-}
-
 /* Writes the rows of one triangle and adds it to the leaf's box; false: it has no area. It is then written as a point,
    which no ray hits. point: its first corner. */
 HYI_INLINE bool hyi_refit_lane(const hyi_refit *refit, const uint32_t *index, float *rows, uint32_t count, hyi_bounds *box,
@@ -123,7 +98,7 @@ HYI_INLINE bool hyi_refit_lane(const hyi_refit *refit, const uint32_t *index, fl
     const float *pa = refit->positions + 3u * (size_t)index[0];
     const float *pb = refit->positions + 3u * (size_t)index[1];
     const float *pc = refit->positions + 3u * (size_t)index[2];
-    hyi_four a = hyi_point(pa), b = hyi_point(pb), c = hyi_point(pc), scale = hyi_four_all(refit->scale);
+    hyi_four a = hyi_four_load3(pa), b = hyi_four_load3(pb), c = hyi_four_load3(pc), scale = hyi_four_all(refit->scale);
     bool flat = hyi_four_is_flat(a, b, c, pa, pb, pc);
     if (HYI_UNLIKELY(flat))
         b = c = a;
