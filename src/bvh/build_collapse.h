@@ -142,7 +142,8 @@ HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_build_node *box,
 /* Gives a leaf its slots, and writes it; returns the child. */
 HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary) {
     const hyi_build_node *node = &walk->build->nodes[binary];
-    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot, count = hyi_build_is_leaf(node) ? node->count : hyi_cost_at(walk->build, node)->count;
+    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot;
+    uint32_t count = hyi_build_is_leaf(node) ? node->count : hyi_cost_at(walk->build, node)->count;
     if (walk->writes || walk->build->best) count = hyi_gather_leaf(walk->build, binary, 0, ids); /* parts of one triangle count once */
     walk->next_slot += count;
     if (walk->writes) hyi_write_leaf(walk->build, first, count, ids);

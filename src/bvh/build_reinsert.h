@@ -212,7 +212,7 @@ typedef struct hyi_reinsert_effort {
 } hyi_reinsert_effort;
 
 HYI_FN hydra_result hyi_reinsert_largest(hyi_build *build) {
-    const hyi_reinsert_effort thorough = {2, 25, 1024}, quick = {4, 200, 128}, effort = build->best ? thorough : quick;
+    const hyi_reinsert_effort thorough = {2, 25, 1024}, quick = {4, 200, 64}, effort = build->best ? thorough : quick;
     hyi_reinsert work;
     uint32_t count = build->in_units ? build->unit_count : build->ref_count, nodes = 2u * count - 1u, most = count / effort.share;
     memset(&work, 0, sizeof work);
