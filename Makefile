@@ -5,7 +5,8 @@
 #   make demo          a picture and what it cost         make unit-vk       those that can, on Vulkan (T=...)
 #   make examples      all of examples/                   make test-asan     unit tests under ASan and UBSan
 #   make bench         all of bench/ (QUICK=1: short)     make test-tsan     those with threads under TSan
-#   make bench-<name>  one of them                        make check-...     generated, prefix, shared, matrix
+#   make bench-<name>  one of them                        make test-fast     those of every bit with clang's -ffast-math
+#                                                         make check-...     generated, prefix, shared, matrix
 #   make fuzz          FUZZ_SECONDS=20 for each target    make format, tidy  clang-format, clang-tidy
 MAKEFLAGS += --no-builtin-rules
 .SUFFIXES:
@@ -20,7 +21,7 @@ OPT ?= -O2
 LIBS := -lm -pthread
 export CC CXX
 
-.PHONY: all headers spirv test unit unit-vk test-asan test-tsan test-readme demo examples bench fuzz format tidy clean FORCE \
+.PHONY: all headers spirv test unit unit-vk test-asan test-tsan test-fast test-readme demo examples bench fuzz format tidy clean FORCE \
 	check-generated check-prefix check-shared check-matrix setup-cc setup-shaders setup-test setup-examples setup-fuzz setup-lint
 .DEFAULT_GOAL := all
 
@@ -147,6 +148,9 @@ SANITIZE := -O1 -fno-omit-frame-pointer
 $(eval $(call flavour,unit,$(CC),$(OPT),$(SUBJECTS)))
 $(eval $(call flavour,asan,$(CC),$(SANITIZE) -fsanitize=address -fsanitize=undefined -fno-sanitize-recover=all,$(SUBJECTS)))
 $(eval $(call flavour,tsan,$(CC),$(SANITIZE) -fsanitize=thread,$(TSAN_SUBJECTS)))
+# Those that ask for every bit, and cast rays that are unsound: clang's fast-math takes comparisons at their word.
+FAST_SUBJECTS := lanes queries bvh_hits
+$(eval $(call flavour,fast,$(CLANG),-O2 -ffast-math,$(FAST_SUBJECTS)))
 
 $(eval $(call flavour,vk,$(CC),$(OPT) -DHT_VULKAN,$(VK_SUBJECTS),hydra_vk.h))
 
@@ -172,6 +176,9 @@ test-asan: asan-program
 test-tsan: $(if $(TSAN_SUBJECTS),tsan-program)
 	@test -n "$(TSAN_SUBJECTS)" || { echo "test-tsan: FAILED, no test starts a thread"; exit 1; }
 	@HYDRA_TEST_QUICK=1 TSAN_OPTIONS=halt_on_error=1 build/tsan/tests
+
+test-fast: fast-program
+	@HYDRA_TEST_QUICK=1 build/fast/tests $(T)
 
 # ---- checks
 

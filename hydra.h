@@ -754,6 +754,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
      >>bvh-build-spatial        spatial splits: parts of triangles on both sides of a plane
      >>bvh-build-part           a range of references becomes two: who goes where, and who owns which places
      >>bvh-build-cost           which subtrees of the binary tree become wide nodes and leaves
+     >>bvh-build-cluster        units of a piece become subtrees, for quick builds
      >>bvh-build-tree           the binary tree: large ranges cut by all threads together, others a thread each
      >>bvh-build-reinsert       subtrees go where the tree gets cheapest by it
      >>bvh-build-collapse       from the binary tree to eight-wide nodes and rows of triangles
@@ -5644,6 +5645,9 @@ typedef __m128 hyi_four;
 HYI_INLINE hyi_four hyi_four_all(float x) { return _mm_set1_ps(x); }
 HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) { return _mm_setr_ps(x, y, z, 0.0f); }
 HYI_INLINE hyi_four hyi_four_load(const float *p) { return _mm_loadu_ps(p); }
+HYI_INLINE hyi_four hyi_four_load3(const float *p) {
+    return _mm_movelh_ps(_mm_castsi128_ps(_mm_loadl_epi64((const __m128i *)(const void *)p)), _mm_load_ss(p + 2));
+}
 HYI_INLINE void hyi_four_store(float *p, hyi_four a) { _mm_storeu_ps(p, a); }
 HYI_INLINE hyi_four hyi_four_min(hyi_four a, hyi_four b) { return _mm_min_ps(a, b); }
 HYI_INLINE hyi_four hyi_four_max(hyi_four a, hyi_four b) { return _mm_max_ps(a, b); }
@@ -5660,6 +5664,7 @@ HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_f
     __m128 less = _mm_cmplt_ps(a, b);
     return _mm_or_ps(_mm_and_ps(less, x), _mm_andnot_ps(less, y));
 }
+HYI_INLINE void hyi_four_transpose(hyi_four a[4]) { _MM_TRANSPOSE4_PS(a[0], a[1], a[2], a[3]); }
 /* Whether a > b in x, y or z. */
 HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return (_mm_movemask_ps(_mm_cmpgt_ps(a, b)) & 7) != 0; }
 
@@ -5672,6 +5677,7 @@ HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) {
     const float lanes[4] = {x, y, z, 0.0f};
     return vld1q_f32(lanes);
 }
+HYI_INLINE hyi_four hyi_four_load3(const float *p) { return vcombine_f32(vld1_f32(p), vset_lane_f32(p[2], vdup_n_f32(0.0f), 0)); }
 HYI_INLINE void hyi_four_store(float *p, hyi_four a) { vst1q_f32(p, a); }
 HYI_INLINE hyi_four hyi_four_min(hyi_four a, hyi_four b) { return vminq_f32(a, b); }
 HYI_INLINE hyi_four hyi_four_max(hyi_four a, hyi_four b) { return vmaxq_f32(a, b); }
@@ -5682,6 +5688,13 @@ HYI_INLINE hyi_four hyi_four_turn(hyi_four a) { return vsetq_lane_f32(vgetq_lane
 HYI_INLINE float hyi_four_sum(hyi_four a) { return vgetq_lane_f32(a, 0) + vgetq_lane_f32(a, 1) + vgetq_lane_f32(a, 2); }
 HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { vst1q_s32(to, vcvtq_s32_f32(a)); }
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) { return vbslq_f32(vcltq_f32(a, b), x, y); }
+HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
+    float32x4x2_t low = vtrnq_f32(a[0], a[1]), high = vtrnq_f32(a[2], a[3]);
+    a[0] = vcombine_f32(vget_low_f32(low.val[0]), vget_low_f32(high.val[0]));
+    a[1] = vcombine_f32(vget_low_f32(low.val[1]), vget_low_f32(high.val[1]));
+    a[2] = vcombine_f32(vget_high_f32(low.val[0]), vget_high_f32(high.val[0]));
+    a[3] = vcombine_f32(vget_high_f32(low.val[1]), vget_high_f32(high.val[1]));
+}
 HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) {
     uint32x4_t more = vcgtq_f32(a, b);
     return (vgetq_lane_u32(more, 0) | vgetq_lane_u32(more, 1) | vgetq_lane_u32(more, 2)) != 0u;
@@ -5712,6 +5725,7 @@ HYI_INLINE hyi_four hyi_four_make(float x, float y, float z) {
     r.f[3] = 0.0f;
     return r;
 }
+HYI_INLINE hyi_four hyi_four_load3(const float *p) { return hyi_four_make(p[0], p[1], p[2]); }
 HYI_INLINE hyi_four hyi_four_all(float x) {
     hyi_four r = hyi_four_make(x, x, x);
     r.f[3] = x;
@@ -5736,6 +5750,15 @@ HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_f
     for (int i = 0; i < 4; i++) x.f[i] = a.f[i] < b.f[i] ? x.f[i] : y.f[i];
     return x;
 }
+HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
+    for (int i = 0; i < 4; i++) {
+        for (int j = 0; j < i; j++) {
+            float keep = a[i].f[j];
+            a[i].f[j] = a[j].f[i];
+            a[j].f[i] = keep;
+        }
+    }
+}
 HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return a.f[0] > b.f[0] || a.f[1] > b.f[1] || a.f[2] > b.f[2]; }
 
 #endif
@@ -5752,6 +5775,19 @@ HYI_INLINE hyi_four hyi_four_rounded(hyi_four a) {
     for (int i = 0; i < 4; i++) a.f[i] = hyi_rounded(a.f[i]);
 #endif
     return a;
+}
+
+/* x, y and z, each stride floats behind the other. */
+HYI_INLINE void hyi_four_scatter(hyi_four a, float *to, uint32_t stride) {
+#if HYI_X86
+    _mm_store_ss(to, a);
+    _mm_store_ss(to + stride, _mm_shuffle_ps(a, a, 1));
+    _mm_store_ss(to + 2u * stride, _mm_movehl_ps(a, a));
+#else
+    float lanes[4];
+    hyi_four_store(lanes, a);
+    for (uint32_t i = 0; i < 3; i++) to[i * stride] = lanes[i];
+#endif
 }
 
 /* ---- boxes */
@@ -5801,8 +5837,8 @@ HYI_INLINE void hyi_bounds_store(const hyi_bounds *b, float *lower, float *upper
 
 HYI_INLINE hyi_bounds hyi_bounds_load(const float *lower, const float *upper) {
     hyi_bounds b;
-    b.lower = hyi_four_make(lower[0], lower[1], lower[2]);
-    b.upper = hyi_four_make(upper[0], upper[1], upper[2]);
+    b.lower = hyi_four_load3(lower);
+    b.upper = hyi_four_load3(upper);
     return b;
 }
 
@@ -5845,6 +5881,13 @@ typedef struct hyi_chunk_sum {
     uint32_t kept, first;
 } hyi_chunk_sum;
 
+/* A piece of the curve of a quick build: so many triangles become units, and these clusters. */
+typedef struct hyi_piece {
+    hyi_bounds centroids; /* of the clusters */
+    uint32_t units, clusters, first_pair, first_ref;
+} hyi_piece;
+#define HYI_PIECE 1024u
+
 typedef struct hyi_build {
     hydra_context *context;
     const float *positions;   /* triangles */
@@ -5852,17 +5895,23 @@ typedef struct hyi_build {
     const hyi_box *boxes;     /* or boxes */
     uint32_t source_count, ref_count;
     uint32_t capacity;        /* places for references: ref_count and what spatial splits may add */
-    uint32_t primitive_count; /* of which the references are, or units of them */
+    uint32_t primitive_count; /* in units: triangles; references are to clusters of units then */
     uint32_t leaf_max;        /* primitives in a leaf */
     uint32_t range_max;       /* references in a range that no cut divides */
-    bool in_units;            /* a reference is a unit of several, see bvh-build-units */
-    uint32_t *order;          /* of units: ids by place */
+    bool in_units;            /* a quick build: see bvh-build-units and bvh-build-cluster */
+    uint32_t *order;          /* in units: ids by place */
+    uint64_t *keys;           /* in units: codes and references; then what clusters are made of */
+    hyi_piece *pieces;
+    uint32_t piece_count, unit_count;
+    size_t room;              /* places in the block that begins with refs, and in quick builds goes on with other arrays */
+    void *spare;              /* the end of that */
+    bool nodes_in_room;       /* nodes, costs and parents lie there as well */
     bool best;                /* spatial splits, and reinsertion */
     float scale;
     hyi_ref *refs, *other;    /* other: where ranges are partitioned to */
     hyi_build_node *nodes;
     uint32_t node_capacity;
-    struct hyi_cost *costs;   /* of subtrees, by node */
+    struct hyi_cost *costs;   /* of subtrees, by pairs of nodes */
     uint32_t *parents;        /* by pairs of nodes; NULL: nobody asks */
     hyi_chunk_sum *chunks;
     uint32_t chunk_count;
@@ -5913,6 +5962,16 @@ HYI_INLINE bool hyi_triangle_is_degenerate(const float *a, const float *b, const
     return e[1] * f[2] == e[2] * f[1] && e[2] * f[0] == e[0] * f[2] && e[0] * f[1] == e[1] * f[0];
 }
 
+/* hyi_triangle_is_degenerate, answered in float where float is sure: each part of the cross product, p - q, is off by a
+   few 2^-24 of |p| + |q|, unless that is next to underflow; overflow makes no comparison true. */
+HYI_INLINE bool hyi_four_is_flat(hyi_four a, hyi_four b, hyi_four c, const float *pa, const float *pb, const float *pc) {
+    hyi_four e = hyi_four_sub(b, a), f = hyi_four_sub(c, a);
+    hyi_four p = hyi_four_mul(hyi_four_turn(e), hyi_four_turn(hyi_four_turn(f))), q = hyi_four_mul(hyi_four_turn(hyi_four_turn(e)), hyi_four_turn(f));
+    hyi_four size = hyi_four_add(hyi_four_abs(p), hyi_four_abs(q));
+    hyi_four doubt = hyi_four_add(hyi_four_mul(size, hyi_four_all(9.5367431640625e-07f)), hyi_four_all(7.52316384526264e-37f));
+    return !hyi_four_exceeds(hyi_four_abs(hyi_four_sub(p, q)), doubt) && hyi_triangle_is_degenerate(pa, pb, pc);
+}
+
 /* Corner of triangle id of the source. */
 HYI_INLINE const float *hyi_source_corner(const hyi_build *build, uint32_t id, uint32_t corner) {
     return build->positions + 3u * (size_t)build->indices[3u * (size_t)id + corner];
@@ -5925,10 +5984,10 @@ HYI_INLINE bool hyi_source_box(const hyi_build *build, uint32_t i, hyi_bounds *b
         return true;
     }
     const float *a = hyi_source_corner(build, i, 0), *b = hyi_source_corner(build, i, 1), *c = hyi_source_corner(build, i, 2);
-    hyi_four p = hyi_four_make(a[0], a[1], a[2]), q = hyi_four_make(b[0], b[1], b[2]), r = hyi_four_make(c[0], c[1], c[2]);
+    hyi_four p = hyi_four_load3(a), q = hyi_four_load3(b), r = hyi_four_load3(c);
     box->lower = hyi_four_min(hyi_four_min(p, q), r);
     box->upper = hyi_four_max(hyi_four_max(p, q), r);
-    return !hyi_triangle_is_degenerate(a, b, c);
+    return !hyi_four_is_flat(p, q, r, a, b, c);
 }
 
 HYI_INLINE uint32_t hyi_chunks_of(uint32_t count) { return count / HYI_BUILD_CHUNK + (count % HYI_BUILD_CHUNK != 0u); }
@@ -5971,6 +6030,11 @@ HYI_FN float hyi_build_scale(const hyi_box *box) {
     return ldexpf(1.0f, exponent < -126 ? 126 : -exponent);
 }
 
+/* Each chunk where its part of the source is. */
+HYI_FN void hyi_spread_chunks(hyi_build *build) {
+    for (uint32_t c = 0; c < build->chunk_count; c++) build->chunks[c].first = c * HYI_BUILD_CHUNK;
+}
+
 /* Adds up the chunks: what is kept, the bounds, and where each chunk would begin without gaps. */
 HYI_FN void hyi_sum_chunks(hyi_build *build) {
     build->ref_count = 0;
@@ -5985,8 +6049,28 @@ HYI_FN void hyi_sum_chunks(hyi_build *build) {
     build->root_area = hyi_bounds_area(&build->root_box);
 }
 
+/* A quick build works in one block. The C library gives large ones back to the system unless they come again and again, and
+   fresh pages take up to a sixth of the time of the build. */
+#define HYI_KEY_COUNTS 8192u /* keys' places for the counts of the sort, behind two arrays of keys */
+
+#define HYI_SPARE_BYTES 24u  /* for each triangle: costs and parents where units have two or more */
+
+HYI_INLINE size_t hyi_key_places(uint32_t count) { return 2u * (size_t)count + HYI_KEY_COUNTS; }
+
+HYI_FN size_t hyi_quick_room(uint32_t count) {
+    size_t keys = hyi_key_places(count) * sizeof(uint64_t), order = (size_t)count * sizeof(uint32_t);
+    return 2u * (size_t)count + (keys + order + (size_t)count * HYI_SPARE_BYTES) / sizeof(hyi_ref) + 2u;
+}
+
+HYI_FN void hyi_share_room(hyi_build *build) {
+    build->other = build->refs + build->capacity;
+    build->keys = (uint64_t *)(void *)(build->other + build->capacity);
+    build->order = (uint32_t *)(void *)(build->keys + hyi_key_places(build->source_count));
+    build->spare = build->order + (build->source_count + 7u) / 8u * 8u;
+}
+
 /* Allocates and fills the references, sets the bounds and the scale, and counts what is kept. Unscaled and without
-   gaps, as references nearly always are, one pass does. */
+   gaps, as references nearly always are, one pass does. In quick builds gaps stay: references are about to be sorted. */
 HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
     uint32_t room = HYI_PRIMITIVES_MAX - build->source_count; /* slots have as many bits */
     uint32_t extra = build->best ? (uint32_t)((uint64_t)build->source_count * HYI_BUILD_EXTRA_PERCENT / 100u) : 0u;
@@ -5994,8 +6078,10 @@ HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
     build->capacity = build->source_count + (extra < room ? extra : room);
     build->scale = 1.0f;
     HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
-    HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->capacity));
-    for (uint32_t c = 0; c < build->chunk_count; c++) build->chunks[c].first = c * HYI_BUILD_CHUNK;
+    build->room = build->in_units ? hyi_quick_room(build->source_count) : build->capacity;
+    HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->room));
+    if (build->in_units) hyi_share_room(build);
+    hyi_spread_chunks(build);
     hyi_parallel(build->context, build->chunk_count, hyi_fill_chunk, build);
     hyi_sum_chunks(build);
     build->bvh->degenerate = build->source_count - build->ref_count;
@@ -6003,7 +6089,8 @@ HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
     if (build->ref_count == 0) return HYDRA_OK;
     hyi_bounds_store(&build->root_box, build->bvh->bounds.lower, build->bvh->bounds.upper);
     build->scale = hyi_build_scale(&build->bvh->bounds);
-    if (build->ref_count == build->source_count && build->scale == 1.0f) return HYDRA_OK;
+    if ((build->in_units || build->ref_count == build->source_count) && build->scale == 1.0f) return HYDRA_OK;
+    if (build->in_units) hyi_spread_chunks(build);
     hyi_parallel(build->context, build->chunk_count, hyi_fill_chunk, build);
     hyi_sum_chunks(build);
     return HYDRA_OK;
@@ -6089,17 +6176,21 @@ HYI_INLINE uint32_t hyi_code_of(const hyi_curve *curve, hyi_four centroid) {
 /* ---- pieces */
 
 #define HYI_SORT_PIECES 64u
+#define HYI_SORT_PIECE 8192u /* the least keys of a piece: with fewer, threads wait for each other longer than they work */
+HYI_STATIC_ASSERT(HYI_SORT_PIECES * HYI_DIGITS * sizeof(uint32_t) <= HYI_KEY_COUNTS * sizeof(uint64_t));
 
 HYI_INLINE uint32_t hyi_piece_begin(const hyi_sort *sort, uint32_t piece) {
     return (uint32_t)((uint64_t)sort->count * piece / sort->pieces);
 }
 
-HYI_FN void hyi_make_keys(void *argument, uint32_t piece) {
+/* References of a chunk lie where its part of the source does, without gaps; keys have none at all. */
+HYI_FN void hyi_make_keys(void *argument, uint32_t index) {
     hyi_sort *sort = (hyi_sort *)argument;
-    uint32_t end = hyi_piece_begin(sort, piece + 1u);
-    for (uint32_t i = hyi_piece_begin(sort, piece); i < end; i++) {
-        hyi_bounds box = hyi_ref_box(&sort->build->refs[i]);
-        sort->keys[i] = (uint64_t)hyi_code_of(&sort->curve, hyi_centroid(&box)) << 32 | i;
+    const hyi_chunk_sum *chunk = &sort->build->chunks[index];
+    for (uint32_t i = 0; i < chunk->kept; i++) {
+        uint32_t at = index * HYI_BUILD_CHUNK + i;
+        hyi_bounds box = hyi_ref_box(&sort->build->refs[at]);
+        sort->keys[chunk->first + i] = (uint64_t)hyi_code_of(&sort->curve, hyi_centroid(&box)) << 32 | at;
     }
 }
 
@@ -6151,8 +6242,8 @@ HYI_FN void hyi_sort_keys(hyi_sort *sort) {
 /* >>bvh-build-units: triangles in Morton order merged to leaves, for quick builds
 
    As in Meister, Bittner 2018, "Parallel locally-ordered clustering for bounding volume hierarchy construction", neighbours
-   on the curve that are each other's best partner merge, until no merge makes the tree cheaper. What they end as is a unit,
-   which no cut takes apart again: the tree above is cut top down over units, a third as many as triangles or fewer. */
+   on the curve that are each other's best partner merge, until no merge makes the tree cheaper. What they end as is a unit:
+   a leaf of the binary tree, of which there are a third as many as triangles or fewer. */
 #ifndef HYI_BVH_BUILD_UNITS_H
 #define HYI_BVH_BUILD_UNITS_H
 
@@ -6161,7 +6252,7 @@ HYI_FN void hyi_sort_keys(hyi_sort *sort) {
 #define HYI_UNIT_VISIT 1.0f
 #define HYI_UNIT_TRIANGLE 0.05f
 #define HYI_UNIT_PLACE 0.16f
-#define HYI_MERGE_FEW 64u /* passes end when one has merged less than this part of the units */
+#define HYI_MERGE_FEW 8u /* passes end when one has merged less than this part of the units */
 
 /* A unit is a reference whose id is its first place in the order, and lane 3 of upper its number of triangles. */
 HYI_INLINE uint32_t hyi_unit_count(const hyi_ref *unit) {
@@ -6220,82 +6311,22 @@ HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count, uint32_t most, fl
     return left;
 }
 
-/* ---- pieces, each by itself */
-
-typedef struct hyi_units {
-    hyi_build *build;
-    const uint64_t *keys;
-} hyi_units;
-
-HYI_FN void hyi_merge_chunk(void *argument, uint32_t chunk) {
-    hyi_units *units = (hyi_units *)argument;
-    hyi_build *build = units->build;
-    uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, build->primitive_count), count = end - begin, before;
-    hyi_ref *room = build->other + begin;
-    float losses[HYI_BUILD_CHUNK];
-    for (uint32_t i = begin; i < end; i++) {
-        const hyi_ref *ref = &build->refs[(uint32_t)units->keys[i]];
+/* Triangles of a part of the order become units, in the same places of other; returns how many. */
+HYI_FN uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count) {
+    hyi_ref *units = build->other + begin;
+    float losses[HYI_PIECE];
+    uint32_t before, left = count;
+    for (uint32_t i = 0; i < count; i++) {
+        const hyi_ref *ref = &build->refs[(uint32_t)build->keys[begin + i]];
         hyi_bounds box = hyi_ref_box(ref);
-        build->order[i] = hyi_ref_id(ref);
-        hyi_unit_set(&build->other[i], &box, i, 1);
+        build->order[begin + i] = hyi_ref_id(ref);
+        hyi_unit_set(&units[i], &box, begin + i, 1);
     }
     do {
-        before = count;
-        count = hyi_merge_pass(room, count, build->leaf_max, losses);
-    } while (count < before - before / HYI_MERGE_FEW);
-    build->chunks[chunk].kept = count;
-}
-
-/* Brings units together; measures them. */
-HYI_FN void hyi_gather_chunk(void *argument, uint32_t chunk) {
-    hyi_build *build = (hyi_build *)argument;
-    hyi_chunk_sum *sum = &build->chunks[chunk];
-    const hyi_ref *from = build->other + chunk * HYI_BUILD_CHUNK;
-    hyi_bounds centroids = hyi_bounds_empty();
-    memcpy(build->refs + sum->first, from, sum->kept * sizeof *from);
-    for (uint32_t i = 0; i < sum->kept; i++) {
-        hyi_bounds box = hyi_ref_box(&from[i]);
-        hyi_four centroid = hyi_centroid(&box);
-        hyi_bounds_add(&centroids, centroid, centroid);
-    }
-    sum->centroids = centroids;
-}
-
-HYI_FN void hyi_make_units(hyi_build *build, const uint64_t *keys) {
-    hyi_units units = {build, keys};
-    uint32_t chunks = hyi_chunks_of(build->primitive_count);
-    hyi_parallel(build->context, chunks, hyi_merge_chunk, &units);
-    build->ref_count = 0;
-    for (uint32_t c = 0; c < chunks; c++) {
-        build->chunks[c].first = build->ref_count;
-        build->ref_count += build->chunks[c].kept;
-    }
-    hyi_parallel(build->context, chunks, hyi_gather_chunk, build);
-    build->root_centroids = hyi_bounds_empty();
-    for (uint32_t c = 0; c < chunks; c++)
-        hyi_bounds_add(&build->root_centroids, build->chunks[c].centroids.lower, build->chunks[c].centroids.upper);
-}
-
-/* References become units. */
-HYI_FN hydra_result hyi_build_units(hyi_build *build) {
-    hyi_sort sort;
-    uint64_t *keys;
-    uint32_t count = build->primitive_count = build->ref_count;
-    sort.build = build;
-    sort.count = count;
-    sort.pieces = hyi_chunks_of(count) < HYI_SORT_PIECES ? hyi_chunks_of(count) : HYI_SORT_PIECES;
-    HYI_TRY(hyi_alloc_array(build->context, &build->order, count));
-    HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
-    HYI_TRY(hyi_alloc_array(build->context, &keys, 2u * (size_t)count + sort.pieces * HYI_DIGITS / 2u));
-    sort.keys = keys;
-    sort.other = keys + count;
-    sort.counts = (uint32_t *)(void *)(keys + 2u * (size_t)count);
-    hyi_make_curve(&build->root_centroids, &sort.curve);
-    hyi_parallel(build->context, sort.pieces, hyi_make_keys, &sort);
-    hyi_sort_keys(&sort);
-    hyi_make_units(build, sort.keys);
-    hyi_free_array(build->context, &keys, 2u * (size_t)count + sort.pieces * HYI_DIGITS / 2u);
-    return HYDRA_OK;
+        before = left;
+        left = hyi_merge_pass(units, left, build->leaf_max, losses);
+    } while (left < before - before / HYI_MERGE_FEW);
+    return left;
 }
 
 #endif /* HYI_BVH_BUILD_UNITS_H */
@@ -6925,7 +6956,8 @@ HYI_FN void hyi_split_middle(hyi_build *build, const hyi_range *range, hyi_range
 
 #define HYI_COUNT_MANY 64u
 
-/* After the collapse has met a node that becomes a wide one, its children stand here instead. */
+/* Of a node with children, kept by the pair that these are. After the collapse has met a node that becomes a wide one, its
+   children stand here instead. */
 typedef struct hyi_cost {
     union {
         float in_places[HYI_WIDTH];   /* least cost in 1 to 7 places; HYI_COST_NONE: there are not as many tips */
@@ -6946,19 +6978,21 @@ HYI_INLINE float hyi_node_area(const hyi_build_node *node) {
 
 HYI_INLINE float hyi_leaf_cost(float area, uint32_t count) { return area * (HYI_COST_LEAF + HYI_COST_TRIANGLE * (float)count); }
 
-HYI_INLINE uint32_t hyi_count_in(const hyi_build *build, const hyi_build_node *leaf) {
-    return build->in_units ? hyi_unit_count(&build->refs[leaf->first]) : leaf->count;
+HYI_INLINE hyi_cost *hyi_cost_at(const hyi_build *build, const hyi_build_node *node) { return &build->costs[node->first / 2u]; }
+
+/* Levels below a node. */
+HYI_INLINE uint32_t hyi_height_of(const hyi_build *build, const hyi_build_node *node) {
+    return hyi_build_is_leaf(node) ? 0u : hyi_cost_at(build, node)->height;
 }
 
-HYI_INLINE void hyi_cost_of_leaf(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
-    uint32_t count = hyi_count_in(build, node);
+HYI_INLINE void hyi_cost_of_leaf(const hyi_build_node *node, hyi_cost *cost) {
     hyi_four none = hyi_four_all(HYI_COST_NONE);
     memset(cost->left, 0, sizeof cost->left);
     hyi_four_store(cost->as.in_places, none);
     hyi_four_store(cost->as.in_places + 4, none);
-    cost->as.in_places[0] = hyi_leaf_cost(hyi_node_area(node), count);
+    cost->as.in_places[0] = hyi_leaf_cost(hyi_node_area(node), node->count);
     cost->tips = 1;
-    cost->count = (uint8_t)count;
+    cost->count = (uint8_t)node->count;
     cost->leaf = true;
     cost->height = 0;
 }
@@ -6984,8 +7018,17 @@ HYI_INLINE void hyi_best_shares(const hyi_cost *left, const hyi_cost *right, flo
     hyi_four_truncate(high_left, to_left + 4);
 }
 
+/* The costs of a child; room: for those of a leaf. */
+HYI_INLINE const hyi_cost *hyi_cost_below(const hyi_build *build, const hyi_build_node *child, hyi_cost *room) {
+    if (!hyi_build_is_leaf(child)) return hyi_cost_at(build, child);
+    hyi_cost_of_leaf(child, room);
+    return room;
+}
+
 HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
-    const hyi_cost *left = &build->costs[node->first], *right = left + 1;
+    hyi_cost rooms[2];
+    const hyi_build_node *children = &build->nodes[node->first];
+    const hyi_cost *left = hyi_cost_below(build, &children[0], &rooms[0]), *right = hyi_cost_below(build, &children[1], &rooms[1]);
     float area = hyi_node_area(node), shared[HYI_WIDTH];
     int32_t to_left[HYI_WIDTH];
     uint32_t count = (uint32_t)left->count + right->count, tips = (uint32_t)left->tips + right->tips;
@@ -7008,11 +7051,15 @@ HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node
     cost->left[HYI_WIDTH - 2u] = (uint8_t)to_left[tips - 2u];
 }
 
-/* The costs of a node whose children's are known. */
+/* The costs of a node whose children's are known; of triangles in units, their count as well. */
 HYI_INLINE void hyi_cost_of(const hyi_build *build, uint32_t at) {
-    const hyi_build_node *node = &build->nodes[at];
-    if (hyi_build_is_leaf(node)) hyi_cost_of_leaf(build, node, &build->costs[at]);
-    else hyi_cost_of_inner(build, node, &build->costs[at]);
+    hyi_build_node *node = &build->nodes[at];
+    const hyi_build_node *left, *right;
+    if (hyi_build_is_leaf(node)) return;
+    left = &build->nodes[node->first];
+    right = left + 1;
+    if (build->in_units) node->count = HYI_BUILD_INNER | ((left->count & ~HYI_BUILD_INNER) + (right->count & ~HYI_BUILD_INNER));
+    hyi_cost_of_inner(build, node, hyi_cost_at(build, node));
 }
 
 /* Those above the tasks: what has more references than these. Goes no deeper than HYI_TREE_DEPTH. */
@@ -7025,6 +7072,283 @@ HYI_FN void hyi_cost_above(const hyi_build *build, uint32_t at) {
 }
 
 #endif /* HYI_BVH_BUILD_COST_H */
+
+/* >>bvh-build-cluster: units of a piece become subtrees, for quick builds
+
+   Meister, Bittner 2018, "Parallel locally-ordered clustering for bounding volume hierarchy construction": each cluster
+   looks for its best partner, by the surface of both together, among those close to it on the curve, and pairs that choose
+   each other merge, until few are left. These are what the tree above is cut over. Pieces of the curve work by themselves,
+   in memory that stays in a core's cache. */
+#ifndef HYI_BVH_BUILD_CLUSTER_H
+#define HYI_BVH_BUILD_CLUSTER_H
+
+#define HYI_CLUSTER_REACH 4u    /* partners are looked for so far away in the order, on both sides */
+#define HYI_CLUSTER_SHARE 16u   /* units of a piece for one of its clusters */
+#define HYI_CLUSTER_HEIGHT 20u  /* the most levels of a cluster: the tree above needs some as well */
+#define HYI_CLUSTER_FEW 16u     /* passes end when one has merged less than this part of the clusters */
+#define HYI_CLUSTER_FAR 1.0e18f /* half the size of a box that is no one's best partner */
+#define HYI_CLUSTER_INNER 0x10000u
+HYI_STATIC_ASSERT(HYI_CLUSTER_INNER > HYI_PIECE);
+
+/* Clusters in the order of the curve: references whose id is a unit of the piece, or HYI_CLUSTER_INNER and a merge, and
+   whose count is the height; and their boxes as rows of floats, with something to look at before and behind them. */
+#define HYI_CLUSTER_ROOM (HYI_PIECE + 2u * HYI_CLUSTER_REACH + 4u)
+typedef struct hyi_clusters {
+    hyi_ref refs[HYI_PIECE];
+    float planes[6][HYI_CLUSTER_ROOM]; /* lower x, y, z, upper x, y, z */
+    int32_t partner[HYI_PIECE + 4u];   /* how far away */
+    uint32_t count, merges;
+} hyi_clusters;
+
+/* Nobody's best partners stand before the first and behind the last cluster. */
+HYI_FN void hyi_fence_clusters(hyi_clusters *c) {
+    for (uint32_t p = 0; p < 6; p++) {
+        const hyi_four far = hyi_four_all(p < 3u ? -HYI_CLUSTER_FAR : HYI_CLUSTER_FAR);
+        for (uint32_t i = 0; i < HYI_CLUSTER_REACH; i += 4u) hyi_four_store(&c->planes[p][i], far);
+        for (uint32_t i = 0; i < HYI_CLUSTER_REACH + 4u; i += 4u) hyi_four_store(&c->planes[p][HYI_CLUSTER_REACH + c->count + i], far);
+    }
+}
+
+/* Boxes become rows. What stands in the last four behind the last cluster does not matter: the fence goes over it. */
+HYI_FN void hyi_spread_clusters(hyi_clusters *c) {
+    for (uint32_t i = 0; i < c->count; i += 4u) {
+        for (uint32_t side = 0; side < 2; side++) {
+            hyi_four rows[4];
+            for (uint32_t k = 0; k < 4; k++) rows[k] = hyi_four_load(side ? c->refs[i + k].upper : c->refs[i + k].lower);
+            hyi_four_transpose(rows);
+            for (uint32_t a = 0; a < 3; a++) hyi_four_store(&c->planes[3u * side + a][HYI_CLUSTER_REACH + i], rows[a]);
+        }
+    }
+    hyi_fence_clusters(c);
+}
+
+typedef struct hyi_four_boxes {
+    hyi_four plane[6];
+} hyi_four_boxes;
+
+HYI_INLINE hyi_four_boxes hyi_load_boxes(const hyi_clusters *c, uint32_t at) {
+    hyi_four_boxes boxes;
+    for (uint32_t p = 0; p < 6; p++) boxes.plane[p] = hyi_four_load(&c->planes[p][at]);
+    return boxes;
+}
+
+/* Half of the surface of four boxes together with four others. */
+HYI_INLINE hyi_four hyi_surface_with(const hyi_four_boxes *boxes, const hyi_clusters *c, uint32_t at) {
+    hyi_four_boxes with = hyi_load_boxes(c, at);
+    hyi_four x = hyi_four_sub(hyi_four_max(boxes->plane[3], with.plane[3]), hyi_four_min(boxes->plane[0], with.plane[0]));
+    hyi_four y = hyi_four_sub(hyi_four_max(boxes->plane[4], with.plane[4]), hyi_four_min(boxes->plane[1], with.plane[1]));
+    hyi_four z = hyi_four_sub(hyi_four_max(boxes->plane[5], with.plane[5]), hyi_four_min(boxes->plane[2], with.plane[2]));
+    return hyi_four_add(hyi_four_mul(x, hyi_four_add(y, z)), hyi_four_mul(y, z));
+}
+
+/* Each cluster's best partner. Of equally good ones the one that is its pair in the order comes first, then closer ones,
+   then those before it: an order of all pairs, so that the best of them always choose each other. */
+HYI_FN void hyi_find_partners(hyi_clusters *c) {
+    const float odd[4] = {0.0f, 1.0f, 0.0f, 1.0f};
+    const hyi_four parity = hyi_four_load(odd), half = hyi_four_all(0.5f), ones = hyi_four_all(1.0f), back = hyi_four_all(-1.0f);
+    hyi_spread_clusters(c);
+    for (uint32_t i = 0; i < c->count; i += 4u) {
+        const uint32_t at = HYI_CLUSTER_REACH + i;
+        const hyi_four_boxes boxes = hyi_load_boxes(c, at);
+        hyi_four before = hyi_surface_with(&boxes, c, at - 1u), behind = hyi_surface_with(&boxes, c, at + 1u);
+        hyi_four best = hyi_four_pick_less(parity, half, behind, before), other = hyi_four_pick_less(parity, half, before, behind);
+        hyi_four which = hyi_four_pick_less(parity, half, ones, back);
+        which = hyi_four_pick_less(other, best, hyi_four_sub(hyi_four_all(0.0f), which), which);
+        best = hyi_four_min(other, best);
+        for (uint32_t k = 2; k <= HYI_CLUSTER_REACH; k++) {
+            before = hyi_surface_with(&boxes, c, at - k);
+            behind = hyi_surface_with(&boxes, c, at + k);
+            which = hyi_four_pick_less(before, best, hyi_four_all(-(float)k), which);
+            best = hyi_four_min(before, best);
+            which = hyi_four_pick_less(behind, best, hyi_four_all((float)k), which);
+            best = hyi_four_min(behind, best);
+        }
+        hyi_four_truncate(which, &c->partner[i]);
+    }
+}
+
+/* Merges two clusters into the first, unless that gets too high. */
+HYI_INLINE bool hyi_merge_two(hyi_clusters *c, hyi_ref *first, const hyi_ref *second, uint64_t *merges) {
+    uint32_t height = hyi_unit_count(first), other = hyi_unit_count(second);
+    hyi_bounds box = hyi_ref_box(first), more = hyi_ref_box(second);
+    height = other > height ? other : height;
+    if (height == HYI_CLUSTER_HEIGHT) return false;
+    hyi_bounds_add(&box, more.lower, more.upper);
+    merges[c->merges] = (uint64_t)hyi_ref_id(second) << 32 | hyi_ref_id(first);
+    hyi_unit_set(first, &box, HYI_CLUSTER_INNER | c->merges++, height + 1u);
+    return true;
+}
+
+/* Merges those that chose each other, each at the place of the first of the two. */
+HYI_FN void hyi_merge_partners(hyi_clusters *c, uint64_t *merges) {
+    uint32_t left = 0;
+    for (uint32_t i = 0; i < c->count; i++) {
+        uint32_t with = (uint32_t)((int32_t)i + c->partner[i]);
+        bool mutual = with < c->count && c->partner[with] == -c->partner[i];
+        if (mutual && with < i) continue;
+        hyi_ref ref = c->refs[i];
+        if (mutual && !hyi_merge_two(c, &ref, &c->refs[with], merges)) c->partner[with] = (int32_t)HYI_PIECE; /* nobody's */
+        c->refs[left++] = ref;
+    }
+    c->count = left;
+}
+
+/* Clusters of a piece's units. merges and roots: room for as many as there are units: the children of each merge, the second
+   in the high half; and what is left. */
+HYI_FN void hyi_cluster_units(const hyi_ref *units, hyi_piece *piece, uint64_t *merges, uint64_t *roots) {
+    hyi_clusters c;
+    uint32_t before, enough = piece->units / HYI_CLUSTER_SHARE + 1u;
+    c.count = piece->units;
+    c.merges = 0;
+    for (uint32_t i = 0; i < c.count; i++) {
+        hyi_bounds box = hyi_ref_box(&units[i]);
+        hyi_unit_set(&c.refs[i], &box, i, 0);
+    }
+    while (c.count > enough) {
+        before = c.count;
+        hyi_find_partners(&c);
+        hyi_merge_partners(&c, merges);
+        if (before - c.count <= before / HYI_CLUSTER_FEW) break;
+    }
+    for (uint32_t i = 0; i < c.count; i++) roots[i] = hyi_ref_id(&c.refs[i]);
+    piece->clusters = c.count;
+}
+
+/* ---- pieces, each by itself */
+
+/* A piece's merges take the places of its keys, and what is left those of the keys' other array. */
+HYI_INLINE uint64_t *hyi_piece_merges(const hyi_build *build, uint32_t piece) { return build->keys + (size_t)piece * HYI_PIECE; }
+HYI_INLINE uint64_t *hyi_piece_roots(const hyi_build *build, uint32_t piece) {
+    return build->keys + build->primitive_count + (size_t)piece * HYI_PIECE;
+}
+
+HYI_FN void hyi_make_piece(void *argument, uint32_t index) {
+    hyi_build *build = (hyi_build *)argument;
+    hyi_piece *piece = &build->pieces[index];
+    uint32_t begin = index * HYI_PIECE, left = build->primitive_count - begin;
+    piece->units = hyi_make_units(build, begin, left < HYI_PIECE ? left : HYI_PIECE);
+    hyi_cluster_units(build->other + begin, piece, hyi_piece_merges(build, index), hyi_piece_roots(build, index));
+}
+
+/* Gives each piece its places. */
+HYI_FN void hyi_make_pieces(hyi_build *build) {
+    uint32_t merges = 0;
+    hyi_parallel(build->context, build->piece_count, hyi_make_piece, build);
+    build->ref_count = 0;
+    for (uint32_t p = 0; p < build->piece_count; p++) {
+        hyi_piece *piece = &build->pieces[p];
+        piece->first_ref = build->ref_count;
+        piece->first_pair = merges;
+        build->ref_count += piece->clusters;
+        merges += piece->units - piece->clusters;
+    }
+    for (uint32_t p = 0; p < build->piece_count; p++) build->pieces[p].first_pair += build->ref_count - 1u;
+    build->unit_count = build->ref_count + merges;
+}
+
+/* References become units, and these clusters; references are then to clusters, without boxes yet. */
+HYI_FN hydra_result hyi_build_units(hyi_build *build) {
+    hyi_sort sort;
+    uint32_t count = build->primitive_count = build->ref_count;
+    sort.build = build;
+    sort.count = count;
+    sort.pieces = count < HYI_SORT_PIECE * HYI_SORT_PIECES ? count / HYI_SORT_PIECE + 1u : HYI_SORT_PIECES;
+    sort.keys = build->keys;
+    sort.other = build->keys + count;
+    sort.counts = (uint32_t *)(void *)(build->keys + 2u * (size_t)count);
+    hyi_make_curve(&build->root_centroids, &sort.curve);
+    hyi_parallel(build->context, build->chunk_count, hyi_make_keys, &sort);
+    hyi_sort_keys(&sort);
+    build->piece_count = (count + HYI_PIECE - 1u) / HYI_PIECE;
+    HYI_TRY(hyi_alloc_array(build->context, &build->pieces, build->piece_count));
+    hyi_make_pieces(build);
+    return HYDRA_OK;
+}
+
+/* ---- their place in the binary tree */
+
+HYI_INLINE void hyi_set_unit_node(const hyi_build *build, uint32_t at, const hyi_ref *unit) {
+    hyi_build_node *node = &build->nodes[at];
+    hyi_bounds box = hyi_ref_box(unit);
+    hyi_bounds_store(&box, node->lower, node->upper);
+    node->first = hyi_ref_id(unit);
+    node->count = hyi_unit_count(unit);
+}
+
+HYI_INLINE hyi_bounds hyi_pair_box(const hyi_build *build, uint32_t pair) {
+    const hyi_build_node *left = &build->nodes[2u * pair], *right = left + 1;
+    hyi_bounds box = hyi_bounds_load(left->lower, left->upper), other = hyi_bounds_load(right->lower, right->upper);
+    hyi_bounds_add(&box, other.lower, other.upper);
+    return box;
+}
+
+/* The count is set with the costs. */
+HYI_INLINE void hyi_set_pair_node(const hyi_build *build, uint32_t at, uint32_t pair, const hyi_bounds *box) {
+    hyi_build_node *node = &build->nodes[at];
+    hyi_bounds_store(box, node->lower, node->upper);
+    node->first = 2u * pair;
+    node->count = HYI_BUILD_INNER;
+    build->parents[pair] = at;
+}
+
+/* A reference to a cluster that is no unit has the pair of its children as its id, and no count. */
+HYI_INLINE void hyi_set_cluster_node(const hyi_build *build, uint32_t at, const hyi_ref *cluster) {
+    hyi_bounds box = hyi_ref_box(cluster);
+    if (hyi_unit_count(cluster)) hyi_set_unit_node(build, at, cluster);
+    else hyi_set_pair_node(build, at, hyi_ref_id(cluster), &box);
+}
+
+HYI_INLINE void hyi_set_member_node(const hyi_build *build, uint32_t at, const hyi_piece *piece, const hyi_ref *units, uint32_t what) {
+    if (what & HYI_CLUSTER_INNER) {
+        uint32_t pair = piece->first_pair + (what & ~HYI_CLUSTER_INNER);
+        hyi_bounds box = hyi_pair_box(build, pair);
+        hyi_set_pair_node(build, at, pair, &box);
+        hyi_cost_of(build, at);
+    } else {
+        hyi_set_unit_node(build, at, &units[what]);
+    }
+}
+
+/* A reference to what is left of a piece: its box. */
+HYI_INLINE hyi_bounds hyi_set_root(const hyi_build *build, const hyi_piece *piece, const hyi_ref *units, uint32_t what, hyi_ref *ref) {
+    uint32_t pair = piece->first_pair + (what & ~HYI_CLUSTER_INNER);
+    hyi_bounds box;
+    if (what & HYI_CLUSTER_INNER) {
+        box = hyi_pair_box(build, pair);
+        hyi_unit_set(ref, &box, pair, 0);
+        return box;
+    }
+    *ref = units[what];
+    return hyi_ref_box(ref);
+}
+
+/* Nodes below a piece's clusters, children before parents; and references to the clusters. */
+HYI_FN void hyi_place_piece(void *argument, uint32_t index) {
+    hyi_build *build = (hyi_build *)argument;
+    hyi_piece *piece = &build->pieces[index];
+    const hyi_ref *units = build->other + (size_t)index * HYI_PIECE;
+    const uint64_t *merges = hyi_piece_merges(build, index), *roots = hyi_piece_roots(build, index);
+    hyi_bounds centroids = hyi_bounds_empty();
+    for (uint32_t m = 0; m < piece->units - piece->clusters; m++) {
+        uint32_t at = 2u * (piece->first_pair + m);
+        hyi_set_member_node(build, at, piece, units, (uint32_t)merges[m]);
+        hyi_set_member_node(build, at + 1u, piece, units, (uint32_t)(merges[m] >> 32));
+    }
+    for (uint32_t i = 0; i < piece->clusters; i++) {
+        hyi_bounds box = hyi_set_root(build, piece, units, (uint32_t)roots[i], &build->refs[piece->first_ref + i]);
+        hyi_add_centroid(&centroids, &box);
+    }
+    piece->centroids = centroids;
+}
+
+HYI_FN void hyi_place_clusters(hyi_build *build) {
+    hyi_parallel(build->context, build->piece_count, hyi_place_piece, build);
+    build->root_centroids = hyi_bounds_empty();
+    for (uint32_t p = 0; p < build->piece_count; p++)
+        hyi_bounds_add(&build->root_centroids, build->pieces[p].centroids.lower, build->pieces[p].centroids.upper);
+}
+
+#endif /* HYI_BVH_BUILD_CLUSTER_H */
 
 /* >>bvh-build-tree: the binary tree: large ranges cut by all threads together, others a thread each */
 #ifndef HYI_BVH_BUILD_TREE_H
@@ -7092,8 +7416,8 @@ HYI_FN bool hyi_part_small(hyi_build *build, const hyi_range *range, const hyi_b
 
 #define HYI_SWEPT 8u
 
-/* Cuts a few units where they lie, at the best place there is: partitions keep the order, so it is still Morton's. */
-HYI_FN void hyi_sweep_units(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
+/* Cuts a few clusters where they lie, at the best place there is: partitions keep the order, so it is still Morton's. */
+HYI_FN void hyi_sweep_clusters(hyi_build *build, const hyi_range *range, hyi_range *left, hyi_range *right) {
     const hyi_ref *refs = build->refs + range->first;
     hyi_bounds after[HYI_SWEPT], box = hyi_bounds_empty();
     float cost[HYI_SWEPT], best = FLT_MAX;
@@ -7123,7 +7447,7 @@ HYI_FN void hyi_sweep_units(hyi_build *build, const hyi_range *range, hyi_range 
 HYI_FN bool hyi_split_small(hyi_build *build, hyi_small *work, const hyi_range *range, hyi_range *left, hyi_range *right) {
     if (range->count < 2u) return false;
     if (build->in_units && range->count <= HYI_SWEPT) {
-        hyi_sweep_units(build, range, left, right);
+        hyi_sweep_clusters(build, range, left, right);
         return true;
     }
     hyi_binning binning = hyi_make_binning(&range->centroids, range->count);
@@ -7135,6 +7459,12 @@ HYI_FN bool hyi_split_small(hyi_build *build, hyi_small *work, const hyi_range *
     if (range->count <= build->range_max) return false;
     hyi_split_middle(build, range, left, right);
     return true;
+}
+
+/* The node of a range that lies in refs. */
+HYI_INLINE void hyi_set_range_node(hyi_build *build, const hyi_range *range) {
+    if (build->in_units && range->count == 1u) hyi_set_cluster_node(build, range->node, &build->refs[range->first]);
+    else hyi_set_build_node(build, range);
 }
 
 /* Depth first with a list of its own: an entry a level for the other child, and one for the node itself, which gets its
@@ -7149,7 +7479,7 @@ HYI_FN void hyi_build_subtree(void *argument, uint32_t index) {
     while (waiting > 0) {
         hyi_range range = list[--waiting], left, right;
         bool done = range.count == 0;
-        if (!done) hyi_set_build_node(build, &range);
+        if (!done) hyi_set_range_node(build, &range);
         if (done || !hyi_split_small(build, &work, &range, &left, &right)) {
             hyi_cost_of(build, range.node);
             continue;
@@ -7303,7 +7633,8 @@ HYI_FN hyi_range hyi_root_range(const hyi_build *build) {
     root.box = build->root_box;
     root.centroids = build->root_centroids;
     root.node = build->node_capacity - 1u;
-    root.first = root.depth = 0;
+    root.first = 0;
+    root.depth = build->in_units ? HYI_CLUSTER_HEIGHT : 0u; /* levels that are taken */
     root.count = build->ref_count;
     root.capacity = hyi_places(build);
     root.in_other = false;
@@ -7373,20 +7704,42 @@ HYI_FN hydra_result hyi_cut_tasks(hyi_build *build) {
     }
 }
 
+/* Whether quick builds have places left for nodes: those of the references that units were made of, behind the ones to
+   clusters, each pair in one cache line. Then there are half as many units as triangles at most, and what is kept by pairs
+   fits into the spare bytes. */
+HYI_STATIC_ASSERT(sizeof(hyi_cost) + sizeof(uint32_t) <= 2u * HYI_SPARE_BYTES);
+HYI_FN bool hyi_nodes_in_room(hyi_build *build, uint32_t pairs) {
+    size_t first = ((size_t)build->ref_count + 1u) / 2u * 2u;
+    if (first + build->node_capacity > build->capacity) return false;
+    build->nodes = (hyi_build_node *)(void *)(build->refs + first);
+    build->costs = (hyi_cost *)build->spare;
+    build->parents = (uint32_t *)(void *)(build->costs + pairs);
+    return true;
+}
+
+/* Places for nodes, and for what is kept by pairs of them. */
+HYI_FN hydra_result hyi_place_nodes(hyi_build *build) {
+    uint32_t pairs = (build->in_units ? build->unit_count : hyi_places(build)) - 1u;
+    build->node_capacity = 2u * pairs + 1u;
+    build->nodes_in_room = build->in_units && hyi_nodes_in_room(build, pairs);
+    if (!build->nodes_in_room) {
+        HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
+        HYI_TRY(hyi_alloc_array(build->context, &build->costs, pairs));
+        if (build->positions) HYI_TRY(hyi_alloc_array(build->context, &build->parents, (size_t)pairs + 1u));
+    }
+    if (build->parents) build->parents[pairs] = UINT32_MAX; /* of the root */
+    return HYDRA_OK;
+}
+
 /* The binary tree over all references; its root is the last node. */
 HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
-    build->node_capacity = 2u * hyi_places(build) - 1u;
-    HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
-    HYI_TRY(hyi_alloc_array(build->context, &build->costs, build->node_capacity));
-    if (build->positions) {
-        HYI_TRY(hyi_alloc_array(build->context, &build->parents, build->capacity));
-        build->parents[hyi_places(build) - 1u] = UINT32_MAX; /* of the root */
-    }
+    HYI_TRY(hyi_place_nodes(build));
     if (!build->other) HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
     if (build->ref_count > HYI_BUILD_LARGE) {
         build->chunk_split_count = hyi_chunks_of(build->capacity);
         HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_split_count));
     }
+    if (build->in_units) hyi_place_clusters(build);
     HYI_TRY(hyi_cut_large(build));
     HYI_TRY(hyi_cut_tasks(build));
     hyi_parallel(build->context, build->task_count, hyi_build_subtree, build);
@@ -7536,10 +7889,9 @@ HYI_FN void hyi_find_movers(void *argument, uint32_t piece) {
 
 /* ---- moves */
 
-/* Gives a node another place: its costs and its children go along. */
-HYI_FN void hyi_replace_node(hyi_build *build, uint32_t at, const hyi_build_node *node, const hyi_cost *cost) {
+/* Gives a node another place: its children, and costs with them, go along. */
+HYI_FN void hyi_replace_node(hyi_build *build, uint32_t at, const hyi_build_node *node) {
     build->nodes[at] = *node;
-    build->costs[at] = *cost;
     if (!hyi_build_is_leaf(node)) build->parents[node->first / 2u] = at;
 }
 
@@ -7548,19 +7900,21 @@ HYI_FN void hyi_mend_above(hyi_build *build, uint32_t at) {
     for (; at != HYI_NO_NODE; at = hyi_parent_of(build, at)) {
         hyi_build_node *node = &build->nodes[at];
         const hyi_build_node *left = &build->nodes[node->first], *right = left + 1;
-        const hyi_cost *low = &build->costs[node->first], *high = low + 1;
+        uint32_t low = hyi_height_of(build, left), high = hyi_height_of(build, right);
+        hyi_cost *cost = hyi_cost_at(build, node);
         hyi_bounds box = hyi_node_bounds(build, node->first), other = hyi_node_bounds(build, node->first + 1u);
         hyi_bounds_add(&box, other.lower, other.upper);
         hyi_bounds_store(&box, node->lower, node->upper);
         node->count = HYI_BUILD_INNER | ((left->count & ~HYI_BUILD_INNER) + (right->count & ~HYI_BUILD_INNER));
-        build->costs[at].height = (uint8_t)(1u + (low->height > high->height ? low->height : high->height));
-        build->costs[at].tips = 0;
+        cost->height = (uint8_t)(1u + (low > high ? low : high));
+        cost->tips = 0;
     }
 }
 
 /* Whether the tree gets too deep. */
 HYI_FN bool hyi_move_is_deep(const hyi_build *build, uint32_t node, uint32_t to) {
-    uint32_t depth = 1, below = build->costs[node].height > build->costs[to].height ? build->costs[node].height : build->costs[to].height;
+    uint32_t depth = 1, below = hyi_height_of(build, &build->nodes[node]), other = hyi_height_of(build, &build->nodes[to]);
+    below = other > below ? other : below;
     for (uint32_t at = to; at != HYI_NO_NODE; at = hyi_parent_of(build, at)) depth++;
     return depth + below >= HYI_TREE_DEPTH;
 }
@@ -7569,15 +7923,12 @@ HYI_FN bool hyi_move_is_deep(const hyi_build *build, uint32_t node, uint32_t to)
 HYI_FN void hyi_make_move(hyi_build *build, uint32_t node, uint32_t to) {
     uint32_t pair = node & ~1u, parent = hyi_parent_of(build, node), above = hyi_parent_of(build, parent);
     hyi_build_node mover = build->nodes[node], stays = build->nodes[node ^ 1u];
-    hyi_cost mover_cost = build->costs[node], stays_cost = build->costs[node ^ 1u];
-    hyi_replace_node(build, parent, &stays, &stays_cost);
+    hyi_replace_node(build, parent, &stays);
     hyi_build_node partner = build->nodes[to];
-    hyi_cost partner_cost = build->costs[to];
-    hyi_replace_node(build, pair, &mover, &mover_cost);
-    hyi_replace_node(build, pair + 1u, &partner, &partner_cost);
+    hyi_replace_node(build, pair, &mover);
+    hyi_replace_node(build, pair + 1u, &partner);
     build->nodes[to].first = pair;
     build->nodes[to].count = HYI_BUILD_INNER;
-    build->costs[to].leaf = false;
     build->parents[pair / 2u] = to;
     hyi_mend_above(build, above == to ? pair + 1u : above); /* as a partner it stands elsewhere now */
     hyi_mend_above(build, to);
@@ -7597,9 +7948,10 @@ HYI_FN void hyi_reinsert_pass(hyi_reinsert *work) {
 
 /* Costs of the nodes above those that moved. */
 HYI_FN void hyi_cost_mended(const hyi_build *build, uint32_t at) {
-    if (build->costs[at].tips != 0) return;
-    hyi_cost_mended(build, build->nodes[at].first);
-    hyi_cost_mended(build, build->nodes[at].first + 1u);
+    const hyi_build_node *node = &build->nodes[at];
+    if (hyi_build_is_leaf(node) || hyi_cost_at(build, node)->tips != 0) return;
+    hyi_cost_mended(build, node->first);
+    hyi_cost_mended(build, node->first + 1u);
     hyi_cost_of(build, at);
 }
 
@@ -7609,9 +7961,9 @@ typedef struct hyi_reinsert_effort {
 } hyi_reinsert_effort;
 
 HYI_FN hydra_result hyi_reinsert_largest(hyi_build *build) {
-    const hyi_reinsert_effort thorough = {2, 25, 1024}, quick = {4, 200, 128}, effort = build->best ? thorough : quick;
+    const hyi_reinsert_effort thorough = {2, 25, 1024}, quick = {4, 200, 64}, effort = build->best ? thorough : quick;
     hyi_reinsert work;
-    uint32_t nodes = 2u * build->ref_count - 1u, most = build->ref_count / effort.share;
+    uint32_t count = build->in_units ? build->unit_count : build->ref_count, nodes = 2u * count - 1u, most = count / effort.share;
     memset(&work, 0, sizeof work);
     work.build = build;
     work.root = build->node_capacity - 1u;
@@ -7656,7 +8008,10 @@ typedef struct hyi_wide_walk {
     uint32_t next_node, next_slot, next_task, depth;
 } hyi_wide_walk;
 
-HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t node) { return build->costs[node].leaf; }
+HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t at) {
+    const hyi_build_node *node = &build->nodes[at];
+    return hyi_build_is_leaf(node) || hyi_cost_at(build, node)->leaf;
+}
 
 /* Keeps the order: largest surface first, then who came first. */
 HYI_FN void hyi_family_add(hyi_family *family, const hyi_build *build, uint32_t node) {
@@ -7673,20 +8028,21 @@ HYI_FN void hyi_family_add(hyi_family *family, const hyi_build *build, uint32_t 
 
 /* Puts a subtree into up to places children. */
 HYI_FN void hyi_family_share(hyi_family *family, const hyi_build *build, uint32_t node, uint32_t places) {
-    const hyi_cost *cost = &build->costs[node];
-    while (places > 1u && cost->left[places - 2u] == 0) places--;
+    const hyi_build_node *from = &build->nodes[node];
+    if (hyi_build_is_leaf(from)) places = 1;
+    while (places > 1u && hyi_cost_at(build, from)->left[places - 2u] == 0) places--;
     if (places == 1u) {
         hyi_family_add(family, build, node);
         return;
     }
-    uint32_t left = cost->left[places - 2u];
-    hyi_family_share(family, build, build->nodes[node].first, left);
-    hyi_family_share(family, build, build->nodes[node].first + 1u, places - left);
+    uint32_t left = hyi_cost_at(build, from)->left[places - 2u];
+    hyi_family_share(family, build, from->first, left);
+    hyi_family_share(family, build, from->first + 1u, places - left);
 }
 
 /* Finds the children of a wide node, and keeps them where its costs were, which nobody asks for any more. */
 HYI_FN void hyi_gather_family(hyi_build *build, uint32_t node, hyi_family *family) {
-    hyi_cost *cost = &build->costs[node];
+    hyi_cost *cost = hyi_cost_at(build, &build->nodes[node]);
     uint32_t left = cost->left[HYI_WIDTH - 2u];
     family->count = family->inner = 0;
     hyi_family_share(family, build, build->nodes[node].first, left);
@@ -7697,7 +8053,7 @@ HYI_FN void hyi_gather_family(hyi_build *build, uint32_t node, hyi_family *famil
 
 /* The same once more. */
 HYI_FN void hyi_recall_family(const hyi_build *build, uint32_t node, hyi_family *family) {
-    const hyi_cost *cost = &build->costs[node];
+    const hyi_cost *cost = hyi_cost_at(build, &build->nodes[node]);
     memcpy(family->member, cost->as.members, sizeof family->member);
     family->count = cost->tips;
     family->inner = 0;
@@ -7714,9 +8070,8 @@ HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t 
         return hyi_gather_leaf(build, from->first + 1u, count, ids);
     }
     if (build->in_units) {
-        const hyi_ref *unit = &build->refs[from->first];
-        memcpy(ids + count, build->order + hyi_ref_id(unit), hyi_unit_count(unit) * sizeof *ids);
-        return count + hyi_unit_count(unit);
+        memcpy(ids + count, build->order + from->first, from->count * sizeof *ids);
+        return count + from->count;
     }
     for (uint32_t i = 0; i < from->count; i++) {
         uint32_t id = hyi_ref_id(&build->refs[from->first + i]), at = 0;
@@ -7731,10 +8086,12 @@ HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t first, uint32_t coun
     memcpy(build->bvh->ids + first, ids, count * sizeof *ids);
     if (!build->positions) return;
     float *row = build->bvh->rows + 9u * (size_t)first;
+    hyi_four scale = hyi_four_all(build->scale);
     for (uint32_t i = 0; i < count; i++) {
+        const uint32_t *index = build->indices + 3u * (size_t)ids[i];
         for (uint32_t corner = 0; corner < 3; corner++) {
-            const float *p = hyi_source_corner(build, ids[i], corner);
-            for (uint32_t a = 0; a < 3; a++) row[(3u * corner + a) * count + i] = p[a] * build->scale;
+            hyi_four p = hyi_four_load3(build->positions + 3u * (size_t)index[corner]);
+            hyi_four_scatter(hyi_four_mul(p, scale), row + 3u * corner * count + i, count);
         }
     }
 }
@@ -7762,7 +8119,9 @@ HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_build_node *box,
 
 /* Gives a leaf its slots, and writes it; returns the child. */
 HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary) {
-    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot, count = walk->build->costs[binary].count;
+    const hyi_build_node *node = &walk->build->nodes[binary];
+    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot;
+    uint32_t count = hyi_build_is_leaf(node) ? node->count : hyi_cost_at(walk->build, node)->count;
     if (walk->writes || walk->build->best) count = hyi_gather_leaf(walk->build, binary, 0, ids); /* parts of one triangle count once */
     walk->next_slot += count;
     if (walk->writes) hyi_write_leaf(walk->build, first, count, ids);
@@ -7905,15 +8264,28 @@ HYI_FN hydra_result hyi_collapse(hyi_build *build) {
 #ifndef HYI_BVH_BUILD_H
 #define HYI_BVH_BUILD_H
 
-HYI_FN void hyi_build_release(hyi_build *build) {
+HYI_FN void hyi_free_parents(hyi_build *build) {
+    if (!build->nodes_in_room) hyi_free_array(build->context, &build->parents, (size_t)build->node_capacity / 2u + 1u);
+    build->parents = NULL;
+}
+
+/* What only cutting needs. */
+HYI_FN void hyi_free_other(hyi_build *build) {
+    if (!build->in_units) hyi_free_array(build->context, &build->other, build->capacity);
+    build->other = NULL;
     hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
+}
+
+HYI_FN void hyi_build_release(hyi_build *build) {
+    hyi_free_other(build);
+    hyi_free_parents(build);
+    if (!build->nodes_in_room) {
+        hyi_free_array(build->context, &build->nodes, build->node_capacity);
+        hyi_free_array(build->context, &build->costs, build->node_capacity / 2u);
+    }
+    hyi_free_array(build->context, &build->refs, build->room);
+    hyi_free_array(build->context, &build->pieces, build->piece_count);
     hyi_free_array(build->context, &build->chunks, build->chunk_count);
-    hyi_free_array(build->context, &build->refs, build->capacity);
-    hyi_free_array(build->context, &build->other, build->capacity);
-    hyi_free_array(build->context, &build->order, build->primitive_count);
-    hyi_free_array(build->context, &build->nodes, build->node_capacity);
-    hyi_free_array(build->context, &build->parents, build->capacity);
-    hyi_free_array(build->context, &build->costs, build->node_capacity);
     hyi_free_array(build->context, &build->tasks, build->task_capacity);
     hyi_free_array(build->context, &build->wide_tasks, build->wide_task_capacity);
 }
@@ -7924,9 +8296,8 @@ HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
     if (build->in_units) HYI_TRY(hyi_build_units(build));
     HYI_TRY(hyi_build_tree(build));
     if (build->parents) HYI_TRY(hyi_reinsert_largest(build));
-    hyi_free_array(build->context, &build->parents, build->capacity);
-    hyi_free_array(build->context, &build->other, build->capacity);
-    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
+    hyi_free_parents(build);
+    hyi_free_other(build);
     return hyi_collapse(build);
 }
 
@@ -8005,21 +8376,6 @@ HYI_INLINE hyi_box hyi_box_of(const hyi_bounds *bounds) {
     return box;
 }
 
-HYI_INLINE hyi_four hyi_point(const float *p) { return hyi_four_make(p[0], p[1], p[2]); }
-
-/* x, y and z, each stride floats behind the other. */
-HYI_INLINE void hyi_four_scatter(hyi_four a, float *to, uint32_t stride) {
-#if HYI_X86
-    _mm_store_ss(to, a);
-    _mm_store_ss(to + stride, _mm_shuffle_ps(a, a, 1));
-    _mm_store_ss(to + 2u * stride, _mm_movehl_ps(a, a));
-#else
-    float lanes[4];
-    hyi_four_store(lanes, a);
-    for (uint32_t i = 0; i < 3; i++) to[i * stride] = lanes[i];
-#endif
-}
-
 /* ---- expected cost */
 
 /* What visiting a child adds to the cost of a tree, by the share of rays that come there. */
@@ -8088,16 +8444,6 @@ HYI_FN void hyi_refit_add(hyi_refit_sum *sum, const hyi_refit_sum *more) {
     sum->areas += more->areas;
 }
 
-/* hyi_triangle_is_degenerate, answered in float where float is sure: each part of the cross product, p - q, is off by a
-   few 2^-24 of |p| + |q|, unless that is next to underflow; overflow makes no comparison true. */
-HYI_INLINE bool hyi_four_is_flat(hyi_four a, hyi_four b, hyi_four c, const float *pa, const float *pb, const float *pc) {
-    hyi_four e = hyi_four_sub(b, a), f = hyi_four_sub(c, a);
-    hyi_four p = hyi_four_mul(hyi_four_turn(e), hyi_four_turn(hyi_four_turn(f))), q = hyi_four_mul(hyi_four_turn(hyi_four_turn(e)), hyi_four_turn(f));
-    hyi_four size = hyi_four_add(hyi_four_abs(p), hyi_four_abs(q));
-    hyi_four doubt = hyi_four_add(hyi_four_mul(size, hyi_four_all(9.5367431640625e-07f)), hyi_four_all(7.52316384526264e-37f));
-    return !hyi_four_exceeds(hyi_four_abs(hyi_four_sub(p, q)), doubt) && hyi_triangle_is_degenerate(pa, pb, pc);
-}
-
 /* Writes the rows of one triangle and adds it to the leaf's box; false: it has no area. It is then written as a point,
    which no ray hits. point: its first corner. */
 HYI_INLINE bool hyi_refit_lane(const hyi_refit *refit, const uint32_t *index, float *rows, uint32_t count, hyi_bounds *box,
@@ -8105,7 +8451,7 @@ HYI_INLINE bool hyi_refit_lane(const hyi_refit *refit, const uint32_t *index, fl
     const float *pa = refit->positions + 3u * (size_t)index[0];
     const float *pb = refit->positions + 3u * (size_t)index[1];
     const float *pc = refit->positions + 3u * (size_t)index[2];
-    hyi_four a = hyi_point(pa), b = hyi_point(pb), c = hyi_point(pc), scale = hyi_four_all(refit->scale);
+    hyi_four a = hyi_four_load3(pa), b = hyi_four_load3(pb), c = hyi_four_load3(pc), scale = hyi_four_all(refit->scale);
     bool flat = hyi_four_is_flat(a, b, c, pa, pb, pc);
     if (HYI_UNLIKELY(flat))
         b = c = a;

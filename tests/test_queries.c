@@ -188,20 +188,35 @@ static int tq_prepare(void **state) {
     return 0;
 }
 
+#if defined(__FAST_MATH__) /* which takes an inverse root for a root and a quotient, and denormals for zero */
+#define TQ_ROUNDING 1e-6f
+#else
+#define TQ_ROUNDING 0.0f
+#endif
+
 /* ---- rays that are not sound */
 
 #define TQ_SPOILS 12
 
+/* -ffast-math takes leave to forget what it knows is not finite. */
+static float tq_of_bits(uint32_t bits) {
+    volatile uint32_t unknown = bits;
+    float value;
+    bits = unknown;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
 static hydra_ray tq_spoiled(hydra_ray ray, uint32_t how) {
-    const float bad[3] = {NAN, INFINITY, -INFINITY};
+    const float bad[3] = {tq_of_bits(0x7fc00000u), tq_of_bits(0x7f800000u), tq_of_bits(0xff800000u)};
     float *at = how < 3 ? ray.origin : ray.direction;
     switch (how) {
     default: at[how % 3] = bad[how % 3]; break; /* below 6 */
-    case 6: ray.t_min = NAN; break;
-    case 7: ray.t_min = -INFINITY; break;
-    case 8: ray.t_min = ray.t_max = INFINITY; break;
-    case 9: ray.t_max = NAN; break;
-    case 10: ray.t_max = nextafterf(ray.t_min, -INFINITY); break;
+    case 6: ray.t_min = bad[0]; break;
+    case 7: ray.t_min = bad[2]; break;
+    case 8: ray.t_min = ray.t_max = bad[1]; break;
+    case 9: ray.t_max = bad[0]; break;
+    case 10: ray.t_min = 1, ray.t_max = nextafterf(1, 0); break;
     case 11: ray.direction[0] = ray.direction[1] = 0, ray.direction[2] = -0.0f; break;
     }
     return ray;
@@ -369,7 +384,7 @@ static void answers_say_what_they_should(void **state) {
             seen[hit->light]++;
             if (!hit->light) continue;
             assert_true(hit->primitive == HYDRA_NONE && hit->instance == 0 && hit->u == 0 && hit->v == 0);
-            assert_true(hit->light == 4 || fabsf(hit->normal[1]) == 1.0f); /* the disc and the rectangle lie level */
+            assert_true(hit->light == 4 || fabsf(fabsf(hit->normal[1]) - 1.0f) <= TQ_ROUNDING); /* the disc and the rectangle lie level */
         }
     }
     assert_true(seen[1] == 0 && seen[2] > 30 && seen[3] > 30 && seen[4] > 30);
@@ -378,6 +393,7 @@ static void answers_say_what_they_should(void **state) {
 /* Catches: a normal of what is left of a tiny triangle in the units of a tree that holds a huge one too. */
 static void normals_of_the_tiny_beside_the_huge(void **state) {
     (void)state;
+    if (TQ_ROUNDING > 0) skip();
     static const float positions[18] = {0, 0, 0, 3e-25f, 0, 1e-25f, 0, 3e-25f, 2e-25f, 1e20f, 0, -1e20f, 0, 1e20f, -1e20f, 1e20f, 1e20f, -1e20f};
     static const uint32_t indices[6] = {0, 1, 2, 3, 4, 5};
     const hydra_ray ray = {{1e-25f, 1e-25f, 1}, 0, {0, 0, -1}, INFINITY};

@@ -38,7 +38,7 @@ export -f stage
 inner=$((JOBS > 2 ? 2 : 1))
 export MAKE logs inner
 
-stages=(unit-vk test-asan test-tsan unit check-matrix ${EXAMPLES-} check-shared check-prefix test-readme check-generated)
+stages=(unit-vk test-asan test-tsan unit test-fast check-matrix ${EXAMPLES-} check-shared check-prefix test-readme check-generated)
 printf '%s\n' "${stages[@]}" | xargs -P "$JOBS" -I GOAL bash -c 'stage GOAL'
 
 passed=0 failed=0 bad=()
