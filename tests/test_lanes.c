@@ -363,7 +363,7 @@ static void many_rays(void **state) {
     tl_end(&s);
 }
 
-/* More packets in an instance than there is room for at a time. */
+/* More packets in an instance than there is room for at a time; and rays of lengths with which they go in none. */
 static void alike_in_instances(void **state) {
     (void)state;
     static tl_scene s;
@@ -373,11 +373,59 @@ static void alike_in_instances(void **state) {
     tl_add(&s, ht_torus(0.7f, 0.25f, 24, 16), HYDRA_ALPHA_OPAQUE);
     tl_add_instances(&s);
     ht_ok(s.host.context, hydra_scene_commit(s.scene));
-    for (uint32_t k = 0; k < 3; k++) {
+    for (uint32_t k = 0; k < 4; k++) {
         tl_block(&s, &rng, false, tl_rays, HYI_STREAM_RAYS);
+        for (uint32_t i = 0; i < HYI_STREAM_RAYS && k == 3; i++) tl_rays[i].direction = hyk_scale(tl_rays[i].direction, 1e12f);
         assert_true(tl_compare_all(&s, HYI_STREAM_RAYS) > HYI_STREAM_RAYS / 2);
     }
     tl_end(&s);
+}
+
+/* Sixteen at a time from one place, or nearly, far away, towards seams all over the mesh, or past them. */
+static void tl_fan(const tl_scene *s, ht_rng *rng, hyk_ray *rays) {
+    static const float away[3] = {3.5f, 2, 1.2f}; /* of one octant and axis */
+    float from[3], scatter = ht_below(rng, 2) ? 0 : 2e-3f;
+    uint32_t turn = ht_below(rng, 3);
+    for (uint32_t a = 0; a < 3; a++) from[a] = away[(a + turn) % 3] * (ht_below(rng, 2) ? 1.0f : -1.0f);
+    for (uint32_t i = 0; i < 16; i++) {
+        float o[3], p[3], past = i % 3 ? 0 : 1e-3f;
+        tl_seam(s, rng, p);
+        for (int a = 0; a < 3; a++) o[a] = from[a] + ht_range(rng, -scatter, scatter);
+        for (int a = 0; a < 3; a++) p[a] += ht_range(rng, -past, past);
+        rays[i] = tl_ray(o, p, 1);
+    }
+}
+
+/* Triangles once, twice nearly at one place, and twice at the very same. */
+static ht_mesh tl_layers(ht_rng *rng) {
+    ht_mesh one = ht_soup(rng, 1000, 0.5f, 0.08f), mesh = ht_soup(rng, 1000, 0.5f, 0.08f);
+    for (uint32_t layer = 0; layer < 4; layer++) {
+        ht_mesh_append(&mesh, &one);
+        if (layer == 1) ht_mesh_jitter(&mesh, rng, 1e-7f);
+    }
+    ht_mesh_free(&one);
+    return mesh;
+}
+
+/* Packets whose rays meet different leaves. Catches: what a ray of few that meet a leaf is told of it, or keeps, otherwise than
+   where all of the packet do. */
+static void packets_that_part(void **state) {
+    (void)state;
+    static tl_scene s;
+    static const float mirrored[12] = {-1, 0, 0, 0.05f, 0, 0.75f, 0, 0, 0, 0, 1, 0};
+    const uint32_t count = ht_pick(4096, 1024);
+    ht_rng rng = ht_rng_make(7);
+    for (uint32_t k = 0; k < 2; k++) {
+        tl_begin(&s);
+        tl_add(&s, tl_layers(&rng), HYDRA_ALPHA_OPAQUE);
+        if (k == 1) (void)hydra_scene_add_instance(s.scene, tl_note_placed(&s, 0, mirrored));
+        ht_ok(s.host.context, hydra_scene_commit(s.scene));
+        for (uint32_t i = 0; i < count; i += 16) tl_fan(&s, &rng, tl_rays + i);
+        assert_true(tl_compare_all(&s, count) > count / 2);
+        tl_limit_to_truth(count);
+        (void)tl_compare_all(&s, count);
+        tl_end(&s);
+    }
 }
 
 /* Lists for which the levels above have left no room go one by one, with hits that are put off already. */
@@ -426,6 +474,7 @@ int hydra_test_lanes(void) {
         cmocka_unit_test(deep_trees),
         cmocka_unit_test(many_rays),
         cmocka_unit_test(alike_in_instances),
+        cmocka_unit_test(packets_that_part),
         cmocka_unit_test(lists_without_room),
     };
     return cmocka_run_group_tests_name("lanes", tests, NULL, NULL);
