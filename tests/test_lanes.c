@@ -428,6 +428,38 @@ static void packets_that_part(void **state) {
     }
 }
 
+/* A bundle of needles that rays run along, so that t at their corners differs a lot, and what shearing rounds is much of their
+   width. Catches: bounds of t from a needle's width alone, without its distance. */
+static void along_needles(void **state) {
+    (void)state;
+    static tl_scene s;
+    const float width = 3e-6f, slope[2] = {0.53f, 0.31f};
+    ht_rng rng = ht_rng_make(8);
+    ht_mesh mesh;
+    memset(&mesh, 0, sizeof mesh);
+    for (uint32_t t = 0; t < 600; t++) {
+        uint32_t v[3];
+        for (int k = 0; k < 3; k++) {
+            float z = ht_range(&rng, -0.5f, 0.5f);
+            v[k] = ht_mesh_vertex(&mesh, slope[0] * z + ht_range(&rng, -width, width), slope[1] * z + ht_range(&rng, -width, width), z);
+        }
+        ht_mesh_triangle(&mesh, v[0], v[1], v[2]);
+    }
+    tl_begin(&s);
+    tl_add(&s, mesh, HYDRA_ALPHA_OPAQUE);
+    ht_ok(s.host.context, hydra_scene_commit(s.scene));
+    for (uint32_t i = 0; i < 4096; i++) {
+        float away = i < 2048 ? ht_range(&rng, 2, 4) * (ht_below(&rng, 2) ? 1.0f : -1.0f) : 3, o[3] = {0, 0, away}, p[3] = {0, 0, 0};
+        for (int a = 0; a < 2; a++) {
+            p[a] = ht_range(&rng, -width, width);
+            o[a] = slope[a] * away + ht_range(&rng, -width, width);
+        }
+        tl_rays[i] = tl_ray(o, p, 1);
+    }
+    assert_true(tl_compare_all(&s, 4096) > 1000);
+    tl_end(&s);
+}
+
 /* Lists for which the levels above have left no room go one by one, with hits that are put off already. */
 static void lists_without_room(void **state) {
     (void)state;
@@ -475,6 +507,7 @@ int hydra_test_lanes(void) {
         cmocka_unit_test(many_rays),
         cmocka_unit_test(alike_in_instances),
         cmocka_unit_test(packets_that_part),
+        cmocka_unit_test(along_needles),
         cmocka_unit_test(lists_without_room),
     };
     return cmocka_run_group_tests_name("lanes", tests, NULL, NULL);
