@@ -428,36 +428,54 @@ static void packets_that_part(void **state) {
     }
 }
 
-/* A bundle of needles that rays run along, so that t at their corners differs a lot, and what shearing rounds is much of their
-   width. Catches: bounds of t from a needle's width alone, without its distance. */
-static void along_needles(void **state) {
-    (void)state;
-    static tl_scene s;
-    const float width = 3e-6f, slope[2] = {0.53f, 0.31f};
-    ht_rng rng = ht_rng_make(8);
+/* Needles along one direction, as far from the middle as they are wide: thin, or of several widths. */
+#define TL_THIN 3e-6f
+static const float tl_slope[2] = {0.53f, 0.31f};
+
+static ht_mesh tl_bundle(ht_rng *rng, bool widths) {
     ht_mesh mesh;
     memset(&mesh, 0, sizeof mesh);
     for (uint32_t t = 0; t < 600; t++) {
+        float width = TL_THIN * (float)(1u << (widths ? t % 6 : 0));
         uint32_t v[3];
         for (int k = 0; k < 3; k++) {
-            float z = ht_range(&rng, -0.5f, 0.5f);
-            v[k] = ht_mesh_vertex(&mesh, slope[0] * z + ht_range(&rng, -width, width), slope[1] * z + ht_range(&rng, -width, width), z);
+            float z = ht_range(rng, -0.5f, 0.5f);
+            v[k] = ht_mesh_vertex(&mesh, tl_slope[0] * z + ht_range(rng, -width, width), tl_slope[1] * z + ht_range(rng, -width, width), z);
         }
         ht_mesh_triangle(&mesh, v[0], v[1], v[2]);
     }
-    tl_begin(&s);
-    tl_add(&s, mesh, HYDRA_ALPHA_OPAQUE);
-    ht_ok(s.host.context, hydra_scene_commit(s.scene));
-    for (uint32_t i = 0; i < 4096; i++) {
-        float away = i < 2048 ? ht_range(&rng, 2, 4) * (ht_below(&rng, 2) ? 1.0f : -1.0f) : 3, o[3] = {0, 0, away}, p[3] = {0, 0, 0};
-        for (int a = 0; a < 2; a++) {
-            p[a] = ht_range(&rng, -width, width);
-            o[a] = slope[a] * away + ht_range(&rng, -width, width);
-        }
-        tl_rays[i] = tl_ray(o, p, 1);
+    return mesh;
+}
+
+/* Along the needles; seam: towards an edge of one. */
+static hyk_ray tl_ray_along(const tl_scene *s, ht_rng *rng, float away, bool seam) {
+    float o[3] = {0, 0, away}, p[3] = {0, 0, 0};
+    if (seam) tl_seam(s, rng, p);
+    for (int a = 0; a < 2; a++) {
+        p[a] += seam ? 0 : ht_range(rng, -TL_THIN, TL_THIN);
+        o[a] = tl_slope[a] * away + ht_range(rng, -TL_THIN, TL_THIN);
     }
-    assert_true(tl_compare_all(&s, 4096) > 1000);
-    tl_end(&s);
+    return tl_ray(o, p, 1);
+}
+
+/* t at the corners differs a lot, and what shearing rounds is much of a needle's width. Catches: bounds of t from that width alone,
+   without the distance; t of a plane that the ray meets beside the needle. */
+static void along_needles(void **state) {
+    (void)state;
+    static tl_scene s;
+    ht_rng rng = ht_rng_make(8);
+    for (uint32_t k = 0; k < 2; k++) {
+        tl_begin(&s);
+        tl_add(&s, tl_bundle(&rng, k == 1), HYDRA_ALPHA_OPAQUE);
+        ht_ok(s.host.context, hydra_scene_commit(s.scene));
+        const uint32_t count = k == 1 ? 16384 : 4096;
+        for (uint32_t i = 0; i < count; i++) { /* half of them by themselves */
+            float away = i < count / 2 ? ht_range(&rng, 2, 4) * (ht_below(&rng, 2) ? 1.0f : -1.0f) : 3;
+            tl_rays[i] = tl_ray_along(&s, &rng, away, k == 1 && i % 4);
+        }
+        assert_true(tl_compare_all(&s, count) > count / 4);
+        tl_end(&s);
+    }
 }
 
 /* Lists for which the levels above have left no room go one by one, with hits that are put off already. */
@@ -489,7 +507,9 @@ static void lists_without_room(void **state) {
         ht_ok(s.host.context, hyi_ray_stream_alloc(s.host.context, &accel, HYI_STREAM_RAYS, &stream));
         size_t whole = stream.list_count;
         stream.list_count = 12u * (HYI_STREAM_RAYS + 16u) + HYI_LIST_RESERVE; /* as few as a list begins with */
+        memset(stream.lists + stream.list_count, 0xa5, (whole - stream.list_count) * sizeof *stream.lists);
         hyi_trace_closest(&accel, &stream, tl_rays, tl_hits, HYI_STREAM_RAYS);
+        for (size_t i = stream.list_count; i < whole; i++) assert_int_equal(stream.lists[i], 0xa5a5a5a5u);
         stream.list_count = whole;
         hyi_ray_stream_free(s.host.context, &stream);
         assert_memory_equal(tl_hits, tl_truth, HYI_STREAM_RAYS * sizeof *tl_hits);
