@@ -18865,6 +18865,9 @@ HYI_INLINE void hyi_no_vectors(const void *site, ...) { (void)site; }
 
 #define HYI_STREAM_LISTS 40u /* words a ray: eight lists of all at the root, fewer at each level below */
 
+/* A block of rays makes no more packets than there is room for. */
+HYI_STATIC_ASSERT(HYI_STREAM_LEAST / 8u > HYI_PACKET_WIDTH / HYI_PACKET_LEAST);
+
 /* Sizes for calls of about count rays; capacity 0: none are needed. */
 HYI_INLINE hyi_ray_stream hyi_plan_ray_stream(const hyi_accel *accel, size_t count) {
     hyi_ray_stream stream;
