@@ -30,9 +30,9 @@ typedef struct hyi_clusters {
 /* Nobody's best partners stand before the first and behind the last cluster. */
 HYI_FN void hyi_fence_clusters(hyi_clusters *c) {
     for (uint32_t p = 0; p < 6; p++) {
-        const hyi_four far = hyi_four_all(p < 3u ? -HYI_CLUSTER_FAR : HYI_CLUSTER_FAR);
-        for (uint32_t i = 0; i < HYI_CLUSTER_REACH; i += 4u) hyi_four_store(&c->planes[p][i], far);
-        for (uint32_t i = 0; i < HYI_CLUSTER_REACH + 4u; i += 4u) hyi_four_store(&c->planes[p][HYI_CLUSTER_REACH + c->count + i], far);
+        const hyi_four beyond = hyi_four_all(p < 3u ? -HYI_CLUSTER_FAR : HYI_CLUSTER_FAR);
+        for (uint32_t i = 0; i < HYI_CLUSTER_REACH; i += 4u) hyi_four_store(&c->planes[p][i], beyond);
+        for (uint32_t i = 0; i < HYI_CLUSTER_REACH + 4u; i += 4u) hyi_four_store(&c->planes[p][HYI_CLUSTER_REACH + c->count + i], beyond);
     }
 }
 

@@ -276,6 +276,7 @@ HYI_NOINLINE double hyi_settle_distance(const hyi_aim *aim, const float *rows, u
     hyi_crossing x;
     double q[3], u[3], v[3];
     hyi_cross_plane(aim, rows, stride, &x);
+    if (x.across == 0.0) return hyi_rounded_double(total / sum);
     for (int i = 0; i < 3; i++) q[i] = hyi_rounded_double(hyi_rounded_double(x.plane * (double)aim->direction[i]) - x.a[i]);
     hyi_normal(q, x.f, u);
     hyi_normal(x.e, q, v);
