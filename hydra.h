@@ -315,7 +315,7 @@ HYDRA_API hydra_result hydra_scene_update_material(hydra_scene *scene, hydra_mat
 /* How much work a tree over triangles (BVH) is worth. Hits are the same with any. */
 typedef enum hydra_build {
     HYDRA_BUILD_AUTO, /* BEST; FAST for dynamic meshes */
-    HYDRA_BUILD_FAST, /* a third to a fifth of the time; rays then take 5 to 20 % longer (make bench-rays): for geometry
+    HYDRA_BUILD_FAST, /* a fifth to an eighth of the time; rays then take 5 to 20 % longer (make bench-rays): for geometry
                          that changes often */
     HYDRA_BUILD_BEST  /* spatial splits, and subtrees moved to where they cost least: for geometry that stays */
 } hydra_build;
@@ -9774,7 +9774,7 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_SOONER_EACH(rays, triangles) (4u * (rays) <= 3u * (triangles))
 
 #define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
-#define HYI_LARGE_TREE ((size_t)32 << 20)
+#define HYI_LARGE_TREE ((size_t)96 << 20)
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
 #define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 

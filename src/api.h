@@ -313,7 +313,7 @@ HYDRA_API hydra_result hydra_scene_update_material(hydra_scene *scene, hydra_mat
 /* How much work a tree over triangles (BVH) is worth. Hits are the same with any. */
 typedef enum hydra_build {
     HYDRA_BUILD_AUTO, /* BEST; FAST for dynamic meshes */
-    HYDRA_BUILD_FAST, /* a third to a fifth of the time; rays then take 5 to 20 % longer (make bench-rays): for geometry
+    HYDRA_BUILD_FAST, /* a fifth to an eighth of the time; rays then take 5 to 20 % longer (make bench-rays): for geometry
                          that changes often */
     HYDRA_BUILD_BEST  /* spatial splits, and subtrees moved to where they cost least: for geometry that stays */
 } hydra_build;

@@ -29,7 +29,7 @@
 #define HYI_SOONER_EACH(rays, triangles) (4u * (rays) <= 3u * (triangles))
 
 #define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
-#define HYI_LARGE_TREE ((size_t)32 << 20)
+#define HYI_LARGE_TREE ((size_t)96 << 20)
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
 #define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 
