@@ -9427,6 +9427,17 @@ HYI_NOINLINE bool hyi_lets_pass(const hyi_site *site, const hyk_ray *ray, uint32
     return !hyk_hit_is_opaque(site->accel->view, instance, primitive, u, v, hyi_load_ray(ray));
 }
 
+/* A hit of triangle lane of a leaf becomes the best. */
+HYI_INLINE void hyi_set_best(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, uint32_t primitive, float t, float u, float v) {
+    flight->best.t = t;
+    flight->best.u = u;
+    flight->best.v = v;
+    flight->best.instance = site->instance;
+    flight->best.primitive = primitive;
+    flight->best.leaf = leaf;
+    flight->best.lane = lane;
+}
+
 /* Decides on one triangle of a leaf. Returns whether it is the new best. */
 HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
     float weights[2] = {0.0f, 0.0f};
@@ -9436,13 +9447,7 @@ HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t le
     uint32_t primitive = site->bvh->ids[hyi_leaf_first(leaf) + lane];
     if (!hyi_beats(&flight->best, t, site->instance, primitive)) return false;
     if (site->asks_alpha && hyi_lets_pass(site, flight->ray, primitive, weights[0], weights[1])) return false;
-    flight->best.t = t;
-    flight->best.u = weights[0];
-    flight->best.v = weights[1];
-    flight->best.instance = site->instance;
-    flight->best.primitive = primitive;
-    flight->best.leaf = leaf;
-    flight->best.lane = lane;
+    hyi_set_best(site, flight, leaf, lane, primitive, t, weights[0], weights[1]);
     for (int i = 0; i < 3 && site->normal; i++) site->normal[flight->aim.axis[i]] = n[i];
     flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
@@ -9878,7 +9883,9 @@ typedef union hyi_masks8 {
 } hyi_masks8;
 
 HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
-    return (aim->near_plane[0] >> 3 & 1u) | (aim->near_plane[1] >> 2 & 2u) | (aim->near_plane[2] >> 1 & 4u) | aim->axis[2] << 3;
+    uint32_t group = aim->axis[2] << 3;
+    for (uint32_t a = 0; a < 3; a++) group |= (aim->near_plane[a] & HYI_WIDTH ? 1u : 0u) << a;
+    return group;
 }
 
 /* hyi_aim.axis of the rays of a group. */
@@ -10128,13 +10135,13 @@ HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
     return sight;
 }
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *sight, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
-    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
-    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
-    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
-    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
-    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[2] * stride), HYI_SET8(sight->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[0] * stride), HYI_SET8(sight->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[1] * stride), HYI_SET8(sight->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[1]), p.z))));
     return p;
 }
 
@@ -10154,13 +10161,13 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
-   difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
-   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+   difference between t at the corners; rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise
+   could have made says nothing, nor do numbers whose products come near to underflow; overflow is out of reach, for trees keep
+   coordinates below 2^20. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(sight->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -10169,8 +10176,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
     known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
-    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
-    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(sight->t_near)), HYI_LT8(HYI_SET8(sight->t_far), least)));
+    float from = sight->t_near + 16.0f * HYI_ULP * fabsf(sight->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
     verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
     HYI_STORE8(verdicts->least, least);
@@ -10179,20 +10186,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
-    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
     HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
     HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
-    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
     if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
@@ -10816,13 +10823,13 @@ HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
     return sight;
 }
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *sight, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
-    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
-    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
-    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
-    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
-    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[2] * stride), HYI_SET8(sight->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[0] * stride), HYI_SET8(sight->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[1] * stride), HYI_SET8(sight->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[1]), p.z))));
     return p;
 }
 
@@ -10842,13 +10849,13 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
-   difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
-   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+   difference between t at the corners; rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise
+   could have made says nothing, nor do numbers whose products come near to underflow; overflow is out of reach, for trees keep
+   coordinates below 2^20. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(sight->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -10857,8 +10864,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
     known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
-    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
-    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(sight->t_near)), HYI_LT8(HYI_SET8(sight->t_far), least)));
+    float from = sight->t_near + 16.0f * HYI_ULP * fabsf(sight->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
     verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
     HYI_STORE8(verdicts->least, least);
@@ -10867,20 +10874,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
-    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
     HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
     HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
-    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
     if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
@@ -11525,7 +11532,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
     block->t_min = HYI_LOADW(words[3]);
     block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
-    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)); /* may be infinite */
+    fit &= HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
@@ -11900,17 +11908,11 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
     uint32_t leaf = flight->aim.leaf, primitive = site->bvh->ids[hyi_leaf_first(leaf) + flight->aim.lane];
     flight->aim.leaf = 0;
     if (!(t >= flight->t_min && t <= flight->best.t) || !hyi_beats(&flight->best, t, site->instance, primitive)) return;
-    flight->best.t = t;
-    flight->best.u = u;
-    flight->best.v = v;
-    flight->best.instance = site->instance;
-    flight->best.primitive = primitive;
-    flight->best.leaf = leaf;
-    flight->best.lane = flight->aim.lane;
+    hyi_set_best(site, flight, leaf, flight->aim.lane, primitive, t, u, v);
 }
 
 /* hyi_settle of all. */
-HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, const HYI_I(hyi_put_off) *some) {
     float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
     HYI_FW rows[9];
     hyi_packet packet;
@@ -12014,14 +12016,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
     for (uint32_t f = 0; f < finds.count; f++) {
         for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
             uint32_t lane = hyi_lowest_bit(left);
-            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
-            flight->best.t = finds.t[lane];
-            flight->best.u = finds.u[lane];
-            flight->best.v = finds.v[lane];
-            flight->best.instance = swarm->site.instance;
-            flight->best.primitive = finds.primitive[f];
-            flight->best.leaf = finds.leaf[f];
-            flight->best.lane = finds.triangle[f];
+            hyi_set_best(&swarm->site, &swarm->flights[packet->ray[lane]], finds.leaf[f], finds.triangle[f], finds.primitive[f],
+                         finds.t[lane], finds.u[lane], finds.v[lane]);
         }
     }
 }
@@ -12859,13 +12855,13 @@ HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
     return sight;
 }
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *sight, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
-    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
-    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
-    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
-    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
-    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[2] * stride), HYI_SET8(sight->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[0] * stride), HYI_SET8(sight->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[1] * stride), HYI_SET8(sight->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[1]), p.z))));
     return p;
 }
 
@@ -12885,13 +12881,13 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
-   difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
-   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+   difference between t at the corners; rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise
+   could have made says nothing, nor do numbers whose products come near to underflow; overflow is out of reach, for trees keep
+   coordinates below 2^20. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(sight->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -12900,8 +12896,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
     known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
-    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
-    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(sight->t_near)), HYI_LT8(HYI_SET8(sight->t_far), least)));
+    float from = sight->t_near + 16.0f * HYI_ULP * fabsf(sight->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
     verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
     HYI_STORE8(verdicts->least, least);
@@ -12910,20 +12906,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
-    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
     HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
     HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
-    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
     if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
@@ -13568,7 +13564,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
     block->t_min = HYI_LOADW(words[3]);
     block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
-    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)); /* may be infinite */
+    fit &= HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
@@ -13943,17 +13940,11 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
     uint32_t leaf = flight->aim.leaf, primitive = site->bvh->ids[hyi_leaf_first(leaf) + flight->aim.lane];
     flight->aim.leaf = 0;
     if (!(t >= flight->t_min && t <= flight->best.t) || !hyi_beats(&flight->best, t, site->instance, primitive)) return;
-    flight->best.t = t;
-    flight->best.u = u;
-    flight->best.v = v;
-    flight->best.instance = site->instance;
-    flight->best.primitive = primitive;
-    flight->best.leaf = leaf;
-    flight->best.lane = flight->aim.lane;
+    hyi_set_best(site, flight, leaf, flight->aim.lane, primitive, t, u, v);
 }
 
 /* hyi_settle of all. */
-HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, const HYI_I(hyi_put_off) *some) {
     float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
     HYI_FW rows[9];
     hyi_packet packet;
@@ -14057,14 +14048,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
     for (uint32_t f = 0; f < finds.count; f++) {
         for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
             uint32_t lane = hyi_lowest_bit(left);
-            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
-            flight->best.t = finds.t[lane];
-            flight->best.u = finds.u[lane];
-            flight->best.v = finds.v[lane];
-            flight->best.instance = swarm->site.instance;
-            flight->best.primitive = finds.primitive[f];
-            flight->best.leaf = finds.leaf[f];
-            flight->best.lane = finds.triangle[f];
+            hyi_set_best(&swarm->site, &swarm->flights[packet->ray[lane]], finds.leaf[f], finds.triangle[f], finds.primitive[f],
+                         finds.t[lane], finds.u[lane], finds.v[lane]);
         }
     }
 }
@@ -14998,13 +14983,13 @@ HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
     return sight;
 }
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *sight, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
-    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
-    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
-    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
-    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
-    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[2] * stride), HYI_SET8(sight->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[0] * stride), HYI_SET8(sight->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[1] * stride), HYI_SET8(sight->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[1]), p.z))));
     return p;
 }
 
@@ -15024,13 +15009,13 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
-   difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
-   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+   difference between t at the corners; rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise
+   could have made says nothing, nor do numbers whose products come near to underflow; overflow is out of reach, for trees keep
+   coordinates below 2^20. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(sight->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -15039,8 +15024,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
     known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
-    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
-    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(sight->t_near)), HYI_LT8(HYI_SET8(sight->t_far), least)));
+    float from = sight->t_near + 16.0f * HYI_ULP * fabsf(sight->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
     verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
     HYI_STORE8(verdicts->least, least);
@@ -15049,20 +15034,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
-    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
     HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
     HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
-    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
     if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
@@ -15707,7 +15692,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
     block->t_min = HYI_LOADW(words[3]);
     block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
-    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)); /* may be infinite */
+    fit &= HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
@@ -16082,17 +16068,11 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
     uint32_t leaf = flight->aim.leaf, primitive = site->bvh->ids[hyi_leaf_first(leaf) + flight->aim.lane];
     flight->aim.leaf = 0;
     if (!(t >= flight->t_min && t <= flight->best.t) || !hyi_beats(&flight->best, t, site->instance, primitive)) return;
-    flight->best.t = t;
-    flight->best.u = u;
-    flight->best.v = v;
-    flight->best.instance = site->instance;
-    flight->best.primitive = primitive;
-    flight->best.leaf = leaf;
-    flight->best.lane = flight->aim.lane;
+    hyi_set_best(site, flight, leaf, flight->aim.lane, primitive, t, u, v);
 }
 
 /* hyi_settle of all. */
-HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, const HYI_I(hyi_put_off) *some) {
     float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
     HYI_FW rows[9];
     hyi_packet packet;
@@ -16196,14 +16176,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
     for (uint32_t f = 0; f < finds.count; f++) {
         for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
             uint32_t lane = hyi_lowest_bit(left);
-            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
-            flight->best.t = finds.t[lane];
-            flight->best.u = finds.u[lane];
-            flight->best.v = finds.v[lane];
-            flight->best.instance = swarm->site.instance;
-            flight->best.primitive = finds.primitive[f];
-            flight->best.leaf = finds.leaf[f];
-            flight->best.lane = finds.triangle[f];
+            hyi_set_best(&swarm->site, &swarm->flights[packet->ray[lane]], finds.leaf[f], finds.triangle[f], finds.primitive[f],
+                         finds.t[lane], finds.u[lane], finds.v[lane]);
         }
     }
 }
@@ -17136,13 +17110,13 @@ HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
     return sight;
 }
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *sight, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
-    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
-    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
-    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
-    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
-    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[2] * stride), HYI_SET8(sight->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[0] * stride), HYI_SET8(sight->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[1] * stride), HYI_SET8(sight->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[1]), p.z))));
     return p;
 }
 
@@ -17162,13 +17136,13 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
-   difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
-   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+   difference between t at the corners; rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise
+   could have made says nothing, nor do numbers whose products come near to underflow; overflow is out of reach, for trees keep
+   coordinates below 2^20. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(sight->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -17177,8 +17151,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
     known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
-    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
-    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(sight->t_near)), HYI_LT8(HYI_SET8(sight->t_far), least)));
+    float from = sight->t_near + 16.0f * HYI_ULP * fabsf(sight->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
     verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
     HYI_STORE8(verdicts->least, least);
@@ -17187,20 +17161,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
-    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
     HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
     HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
-    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
     if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
@@ -17845,7 +17819,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
     block->t_min = HYI_LOADW(words[3]);
     block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
-    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)); /* may be infinite */
+    fit &= HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);
@@ -18220,17 +18195,11 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
     uint32_t leaf = flight->aim.leaf, primitive = site->bvh->ids[hyi_leaf_first(leaf) + flight->aim.lane];
     flight->aim.leaf = 0;
     if (!(t >= flight->t_min && t <= flight->best.t) || !hyi_beats(&flight->best, t, site->instance, primitive)) return;
-    flight->best.t = t;
-    flight->best.u = u;
-    flight->best.v = v;
-    flight->best.instance = site->instance;
-    flight->best.primitive = primitive;
-    flight->best.leaf = leaf;
-    flight->best.lane = flight->aim.lane;
+    hyi_set_best(site, flight, leaf, flight->aim.lane, primitive, t, u, v);
 }
 
 /* hyi_settle of all. */
-HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, const HYI_I(hyi_put_off) *some) {
     float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
     HYI_FW rows[9];
     hyi_packet packet;
@@ -18334,14 +18303,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
     for (uint32_t f = 0; f < finds.count; f++) {
         for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
             uint32_t lane = hyi_lowest_bit(left);
-            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
-            flight->best.t = finds.t[lane];
-            flight->best.u = finds.u[lane];
-            flight->best.v = finds.v[lane];
-            flight->best.instance = swarm->site.instance;
-            flight->best.primitive = finds.primitive[f];
-            flight->best.leaf = finds.leaf[f];
-            flight->best.lane = finds.triangle[f];
+            hyi_set_best(&swarm->site, &swarm->flights[packet->ray[lane]], finds.leaf[f], finds.triangle[f], finds.primitive[f],
+                         finds.t[lane], finds.u[lane], finds.v[lane]);
         }
     }
 }

@@ -68,7 +68,8 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_load_block)(const hyi_bvh *bvh, const hyk_r
     HYI_FW scale = HYI_SETW(bvh->scale), t_max = HYI_LOADW(words[7]);
     block->t_min = HYI_LOADW(words[3]);
     block->t_limit = HYI_MINW(t_max, HYI_SETW(HYI_T_LIMIT));
-    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)) & HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
+    uint32_t fit = HYI_I(hyi_within)(block->t_min, HYI_SETW(FLT_MAX)) & HYI_I(hyi_within)(t_max, HYI_I(hyi_whole)(0x7f800000u)); /* may be infinite */
+    fit &= HYI_BITSW(HYI_LEW(block->t_min, block->t_limit)) & HYI_BITSW(HYI_LEW(block->t_min, t_max));
     for (uint32_t a = 0; a < 3; a++) {
         block->origin[a] = HYI_MULW(HYI_LOADW(words[a]), scale);
         block->direction[a] = HYI_MULW(HYI_LOADW(words[4u + a]), scale);

@@ -133,7 +133,9 @@ typedef union hyi_masks8 {
 } hyi_masks8;
 
 HYI_INLINE uint32_t hyi_aim_group(const hyi_aim *aim) {
-    return (aim->near_plane[0] >> 3 & 1u) | (aim->near_plane[1] >> 2 & 2u) | (aim->near_plane[2] >> 1 & 4u) | aim->axis[2] << 3;
+    uint32_t group = aim->axis[2] << 3;
+    for (uint32_t a = 0; a < 3; a++) group |= (aim->near_plane[a] & HYI_WIDTH ? 1u : 0u) << a;
+    return group;
 }
 
 /* hyi_aim.axis of the rays of a group. */

@@ -105,17 +105,11 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
     uint32_t leaf = flight->aim.leaf, primitive = site->bvh->ids[hyi_leaf_first(leaf) + flight->aim.lane];
     flight->aim.leaf = 0;
     if (!(t >= flight->t_min && t <= flight->best.t) || !hyi_beats(&flight->best, t, site->instance, primitive)) return;
-    flight->best.t = t;
-    flight->best.u = u;
-    flight->best.v = v;
-    flight->best.instance = site->instance;
-    flight->best.primitive = primitive;
-    flight->best.leaf = leaf;
-    flight->best.lane = flight->aim.lane;
+    hyi_set_best(site, flight, leaf, flight->aim.lane, primitive, t, u, v);
 }
 
 /* hyi_settle of all. */
-HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, HYI_I(hyi_put_off) *some) {
+HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, const HYI_I(hyi_put_off) *some) {
     float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
     HYI_FW rows[9];
     hyi_packet packet;
@@ -219,14 +213,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
     for (uint32_t f = 0; f < finds.count; f++) {
         for (uint32_t left = finds.lanes[f]; left; left &= left - 1u) {
             uint32_t lane = hyi_lowest_bit(left);
-            hyi_flight *flight = &swarm->flights[packet->ray[lane]];
-            flight->best.t = finds.t[lane];
-            flight->best.u = finds.u[lane];
-            flight->best.v = finds.v[lane];
-            flight->best.instance = swarm->site.instance;
-            flight->best.primitive = finds.primitive[f];
-            flight->best.leaf = finds.leaf[f];
-            flight->best.lane = finds.triangle[f];
+            hyi_set_best(&swarm->site, &swarm->flights[packet->ray[lane]], finds.leaf[f], finds.triangle[f], finds.primitive[f],
+                         finds.t[lane], finds.u[lane], finds.v[lane]);
         }
     }
 }

@@ -119,6 +119,17 @@ HYI_NOINLINE bool hyi_lets_pass(const hyi_site *site, const hyk_ray *ray, uint32
     return !hyk_hit_is_opaque(site->accel->view, instance, primitive, u, v, hyi_load_ray(ray));
 }
 
+/* A hit of triangle lane of a leaf becomes the best. */
+HYI_INLINE void hyi_set_best(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, uint32_t primitive, float t, float u, float v) {
+    flight->best.t = t;
+    flight->best.u = u;
+    flight->best.v = v;
+    flight->best.instance = site->instance;
+    flight->best.primitive = primitive;
+    flight->best.leaf = leaf;
+    flight->best.lane = lane;
+}
+
 /* Decides on one triangle of a leaf. Returns whether it is the new best. */
 HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
     float weights[2] = {0.0f, 0.0f};
@@ -128,13 +139,7 @@ HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t le
     uint32_t primitive = site->bvh->ids[hyi_leaf_first(leaf) + lane];
     if (!hyi_beats(&flight->best, t, site->instance, primitive)) return false;
     if (site->asks_alpha && hyi_lets_pass(site, flight->ray, primitive, weights[0], weights[1])) return false;
-    flight->best.t = t;
-    flight->best.u = weights[0];
-    flight->best.v = weights[1];
-    flight->best.instance = site->instance;
-    flight->best.primitive = primitive;
-    flight->best.leaf = leaf;
-    flight->best.lane = lane;
+    hyi_set_best(site, flight, leaf, lane, primitive, t, weights[0], weights[1]);
     for (int i = 0; i < 3 && site->normal; i++) site->normal[flight->aim.axis[i]] = n[i];
     flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);

@@ -59,13 +59,13 @@ HYI_INLINE HYI_I(hyi_sight) HYI_I(hyi_sight_of)(const hyi_aim *aim) {
     return sight;
 }
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *aim, const float *row, uint32_t stride) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_corners) HYI_I(hyi_shear_corners)(const HYI_I(hyi_sight) *sight, const float *row, uint32_t stride) {
     HYI_I(hyi_corners) p;
-    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[2] * stride), HYI_SET8(aim->origin[2])));
-    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[0] * stride), HYI_SET8(aim->origin[0])));
-    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + aim->axis[1] * stride), HYI_SET8(aim->origin[1])));
-    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[0]), p.z))));
-    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(aim->shear[1]), p.z))));
+    p.z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[2] * stride), HYI_SET8(sight->origin[2])));
+    HYI_F8 dx = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[0] * stride), HYI_SET8(sight->origin[0])));
+    HYI_F8 dy = HYI_PIN8(HYI_SUB8(HYI_LOADU8(row + sight->axis[1] * stride), HYI_SET8(sight->origin[1])));
+    p.x = HYI_PIN8(HYI_SUB8(dx, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[0]), p.z))));
+    p.y = HYI_PIN8(HYI_SUB8(dy, HYI_PIN8(HYI_MUL8(HYI_SET8(sight->shear[1]), p.z))));
     return p;
 }
 
@@ -85,13 +85,13 @@ typedef struct HYI_I(hyi_verdicts) {
    corners with their values as weights. Let the corners be across off the ray at most, and along along it. A sheared
    corner is off its place by less than 2^-22 (across / 2 + along), so that the weights together are off by less than
    noise = 2^-18 across (across + along), and t, by whichever weights (hyi_settle_distance), by their share in the sum, of the
-   difference between t at the corners;
-   rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise could have made says nothing, nor do
-   numbers whose products come near to underflow; overflow is out of reach, for trees keep coordinates below 2^20. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *aim, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
+   difference between t at the corners; rounding of t at the corners and of the mean is less than 2^-20 of it. A sum that noise
+   could have made says nothing, nor do numbers whose products come near to underflow; overflow is out of reach, for trees keep
+   coordinates below 2^20. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], const HYI_F8 w[3], const HYI_F8 t[3],
                                                       HYI_F8 first, HYI_F8 last, HYI_M8 one_sign, HYI_I(hyi_verdicts) *verdicts) {
     HYI_F8 across = HYI_ZERO8(), sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), size = HYI_SIZE8(sum);
-    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(aim->along_z));
+    HYI_F8 farthest = HYI_MAX8(HYI_SIZE8(first), HYI_SIZE8(last)), along = HYI_MUL8(farthest, HYI_SET8(sight->along_z));
     for (int i = 0; i < 3; i++) across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(k[i].x), HYI_SIZE8(k[i].y)));
     HYI_F8 noise = HYI_MUL8(HYI_MUL8(HYI_SET8(HYI_EDGE_NOISE), across), HYI_ADD8(across, along)), inverse = HYI_DIV8(HYI_SET8(1.0f), sum);
     HYI_F8 mean = HYI_MUL8(HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), inverse);
@@ -100,8 +100,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
     HYI_M8 known = HYI_AND8(one_sign, HYI_LT8(HYI_MUL8(HYI_SET8(4.0f), noise), size));
     HYI_F8 product = HYI_MIN8(HYI_MIN8(size, farthest), HYI_MUL8(size, farthest));
     known = HYI_AND8(known, HYI_LT8(HYI_SET8(HYI_EDGE_LEAST), product));
-    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(aim->t_near)), HYI_LT8(HYI_SET8(aim->t_far), least)));
-    float from = aim->t_near + 16.0f * HYI_ULP * fabsf(aim->t_near);
+    HYI_M8 missed = HYI_AND8(known, HYI_OR8(HYI_LT8(most, HYI_SET8(sight->t_near)), HYI_LT8(HYI_SET8(sight->t_far), least)));
+    float from = sight->t_near + 16.0f * HYI_ULP * fabsf(sight->t_near);
     verdicts->possible &= ~HYI_BITS8(missed);
     verdicts->certain = verdicts->possible & HYI_BITS8(HYI_AND8(known, HYI_LE8(HYI_SET8(from), least)));
     HYI_STORE8(verdicts->least, least);
@@ -110,20 +110,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *ai
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
    mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *aim, const float *rows, uint32_t count, bool exact) {
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(aim, rows + 3u * i * count, count);
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
-    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(aim->inverse_z));
+    for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
     HYI_F8 first = HYI_MIN8(HYI_MIN8(t[0], t[1]), t[2]), last = HYI_MAX8(HYI_MAX8(t[0], t[1]), t[2]);
     HYI_M8 outside = HYI_AND8(HYI_LT8(least, zero), HYI_LT8(zero, most));
-    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(aim->t_far), first), HYI_LT8(last, HYI_SET8(aim->t_near)));
+    HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
     if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(aim, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
