@@ -6,6 +6,8 @@
 
 #if HYI_X86
 
+#include "lanes_begin.inc.h"
+
 HYI_INLINE HYI_AVX2 __m256d hyi_pin_double_avx2(__m256d value) {
 #if HYI_GNU
     __asm__("" : "+x"(value));
@@ -199,9 +201,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_BITSW(m) ((uint32_t)_mm256_movemask_ps(m))
 #define HYI_PINW(a) hyi_pin8_avx2(a)
 #define HYI_GREATESTW(a) hyi_greatest_avx2(a)
-#define HYI_DEAL 8u
-#define HYI_MASKS hyi_masks8
-#define HYI_CLEAR_MASKS(masks) ((masks).all = 0)
+#define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
 
 #define HYI_STOREW(p, a) _mm256_storeu_ps(p, a)
 #define HYI_ADDW(a, b) _mm256_add_ps(a, b)

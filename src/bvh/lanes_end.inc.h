@@ -1,4 +1,7 @@
 /* The words of one instruction set end here. */
+#if HYI_GNU && !defined(__clang__)
+#pragma GCC pop_options
+#endif
 #undef HYI_ADD2
 #undef HYI_ADD4
 #undef HYI_ADD8
@@ -16,9 +19,8 @@
 #undef HYI_BITSW
 #undef HYI_CHOOSE4
 #undef HYI_CHOOSEW
-#undef HYI_CLEAR_MASKS
 #undef HYI_D2
-#undef HYI_DEAL
+#undef HYI_DEAL_BLOCKS
 #undef HYI_DIV2
 #undef HYI_DIV4
 #undef HYI_DIV8
@@ -58,7 +60,6 @@
 #undef HYI_M8
 #undef HYI_MAD4
 #undef HYI_MAD8
-#undef HYI_MASKS
 #undef HYI_MAX2
 #undef HYI_MAX4
 #undef HYI_MAX4_AS_INTS

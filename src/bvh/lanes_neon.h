@@ -6,6 +6,8 @@
 
 #if HYI_NEON
 
+#include "lanes_begin.inc.h"
+
 HYI_INLINE float32x4_t hyi_pin4_neon(float32x4_t value) {
 #if HYI_GNU
     __asm__("" : "+w"(value));

@@ -206,9 +206,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_PINW(a) HYI_PIN8(a)
 #define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
 #define HYI_LEASTW(a) HYI_LEAST4(HYI_MIN4((a).low, (a).high))
-#define HYI_DEAL 8u
-#define HYI_MASKS hyi_masks8
-#define HYI_CLEAR_MASKS(masks) ((masks).all = 0)
+#define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
 #define HYI_HALFD(a, half) HYI_I(hyi_half_as_doubles)(a, half)

@@ -4,6 +4,8 @@
 
 #include "walk.h"
 
+#include "lanes_begin.inc.h"
+
 typedef struct hyi_f8 {
     float v[8];
 } hyi_f8;

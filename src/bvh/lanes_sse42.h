@@ -6,6 +6,8 @@
 
 #if HYI_X86
 
+#include "lanes_begin.inc.h"
+
 HYI_INLINE HYI_SSE42 __m128 hyi_pin4_sse42(__m128 value) {
 #if HYI_GNU
     __asm__("" : "+x"(value));

@@ -28,10 +28,11 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                 uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    for (uint32_t first = 0; first < count; first += HYI_DEAL) {
-        uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
-        HYI_MASKS masks;
-        HYI_CLEAR_MASKS(masks);
+    uint32_t first = HYI_DEAL_BLOCKS(swarm->flights, node, list, count, lists, stride, dealt, &least);
+    for (; first < count; first += 8u) {
+        uint32_t some = count - first < 8u ? count - first : 8u;
+        hyi_masks8 masks;
+        masks.all = 0;
         for (uint32_t i = 0; i < some; i++) {
             HYI_F8 enter;
             HYI_I(hyi_planes) planes;
@@ -52,10 +53,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
     HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
-    for (uint32_t first = 0; first < count; first += HYI_DEAL) {
-        uint32_t some = count - first < HYI_DEAL ? count - first : HYI_DEAL;
-        HYI_MASKS masks;
-        HYI_CLEAR_MASKS(masks);
+    for (uint32_t first = 0; first < count; first += 8u) {
+        uint32_t some = count - first < 8u ? count - first : 8u;
+        hyi_masks8 masks;
+        masks.all = 0;
         for (uint32_t i = 0; i < some; i++) {
             HYI_F8 enter;
             const hyi_packet *packet = &swarm->packets[list[first + i]];
