@@ -127,6 +127,21 @@ HYI_INLINE HYI_AVX2 void hyi_ray_words_avx2(const hyk_ray *rays, float words[8][
     }
 }
 
+/* Four successive words of each of eight rays, as rows of one word of all: four by four in each half. */
+HYI_INLINE HYI_AVX2 void hyi_four_words_avx2(const char *const at[8], size_t offset, __m256 rows[4]) {
+    __m256 a[4];
+    for (uint32_t k = 0; k < 4u; k++) {
+        a[k] = _mm256_castps128_ps256(_mm_loadu_ps((const float *)(const void *)(at[k] + offset)));
+        a[k] = _mm256_insertf128_ps(a[k], _mm_loadu_ps((const float *)(const void *)(at[4u + k] + offset)), 1);
+    }
+    __m256 low01 = _mm256_unpacklo_ps(a[0], a[1]), high01 = _mm256_unpackhi_ps(a[0], a[1]);
+    __m256 low23 = _mm256_unpacklo_ps(a[2], a[3]), high23 = _mm256_unpackhi_ps(a[2], a[3]);
+    rows[0] = _mm256_shuffle_ps(low01, low23, 0x44);
+    rows[1] = _mm256_shuffle_ps(low01, low23, 0xee);
+    rows[2] = _mm256_shuffle_ps(high01, high23, 0x44);
+    rows[3] = _mm256_shuffle_ps(high01, high23, 0xee);
+}
+
 /* hyi_lines: two transpositions of eight by eight, in three steps each. */
 HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines) {
     for (int side = 0; side < 2; side++) {
@@ -180,6 +195,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_PIN8(a) hyi_pin8_avx2(a)
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words_avx2(rays, words)
 #define HYI_LINES(rows, lines) hyi_lines_avx2(rows, lines)
+#define HYI_FOUR_WORDS(at, offset, rows) hyi_four_words_avx2(at, offset, rows)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW __m256
@@ -228,6 +244,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #include "packet_body.inc.h"
 #include "begin_body.inc.h"
 #include "unpack_body.inc.h"
+#include "leaf_body.inc.h"
 #include "stream_body.inc.h"
 #include "lanes_end.inc.h"
 

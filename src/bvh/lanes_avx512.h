@@ -182,6 +182,23 @@ HYI_INLINE HYI_AVX512 void hyi_ray_words_avx512(const hyk_ray *rays, float words
     }
 }
 
+/* Four successive words of each of sixteen rays, as rows of one word of all: four by four in each quarter. */
+HYI_INLINE HYI_AVX512 void hyi_four_words_avx512(const char *const at[16], size_t offset, __m512 rows[4]) {
+    __m512 a[4];
+    for (uint32_t k = 0; k < 4u; k++) {
+        a[k] = _mm512_castps128_ps512(_mm_loadu_ps((const float *)(const void *)(at[k] + offset)));
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[4u + k] + offset)), 1);
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[8u + k] + offset)), 2);
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[12u + k] + offset)), 3);
+    }
+    __m512 low01 = _mm512_unpacklo_ps(a[0], a[1]), high01 = _mm512_unpackhi_ps(a[0], a[1]);
+    __m512 low23 = _mm512_unpacklo_ps(a[2], a[3]), high23 = _mm512_unpackhi_ps(a[2], a[3]);
+    rows[0] = _mm512_shuffle_ps(low01, low23, 0x44);
+    rows[1] = _mm512_shuffle_ps(low01, low23, 0xee);
+    rows[2] = _mm512_shuffle_ps(high01, high23, 0x44);
+    rows[3] = _mm512_shuffle_ps(high01, high23, 0xee);
+}
+
 /* hyi_lines: a transposition in four steps. */
 HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *lines) {
     __m512 a[16], b[16];
@@ -213,6 +230,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_TARGET HYI_AVX512
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words_avx512(rays, words)
 #define HYI_LINES(rows, lines) hyi_lines_avx512(rows, lines)
+#define HYI_FOUR_WORDS(at, offset, rows) hyi_four_words_avx512(at, offset, rows)
 #define HYI_I(name) name##_avx512
 #define HYI_F8 __m256
 #define HYI_ALWAYS_EXACT 0
@@ -288,6 +306,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #include "packet_body.inc.h"
 #include "begin_body.inc.h"
 #include "unpack_body.inc.h"
+#include "leaf_body.inc.h"
 #include "stream_body.inc.h"
 #include "lanes_end.inc.h"
 #undef HYI_UNROLL_8

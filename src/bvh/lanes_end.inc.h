@@ -30,6 +30,7 @@
 #undef HYI_F8
 #undef HYI_FD
 #undef HYI_FLIGHT_BEGIN
+#undef HYI_FOUR_WORDS
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
@@ -114,5 +115,6 @@
 #undef HYI_SUBD
 #undef HYI_SUBW
 #undef HYI_TARGET
+#undef HYI_TURN4
 #undef HYI_ZERO8
 #undef HYI_ZEROW

@@ -37,6 +37,15 @@ HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
 HYI_INLINE float64x2_t hyi_min2_neon(float64x2_t a, float64x2_t b) { return vbslq_f64(vcltq_f64(a, b), a, b); }
 HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbslq_f64(vcgtq_f64(a, b), a, b); }
 
+/* Four by four: rows become columns. */
+HYI_INLINE void hyi_turn4_neon(float32x4_t a[4]) {
+    float32x4x2_t low = vtrnq_f32(a[0], a[1]), high = vtrnq_f32(a[2], a[3]);
+    for (int k = 0; k < 2; k++) {
+        a[k] = vcombine_f32(vget_low_f32(low.val[k]), vget_low_f32(high.val[k]));
+        a[k + 2] = vcombine_f32(vget_high_f32(low.val[k]), vget_high_f32(high.val[k]));
+    }
+}
+
 #define HYI_TARGET
 #define HYI_I(name) name##_neon
 #define HYI_F4 float32x4_t
@@ -62,6 +71,7 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_CHOOSE4(m, a, b) vbslq_f32(m, a, b)
 #define HYI_SAME4(a, b) vceqq_u32(vreinterpretq_u32_f32(a), vreinterpretq_u32_f32(b))
 #define HYI_BITS4_4(low, high) hyi_bits4_4_neon(low, high)
+#define HYI_TURN4(a) hyi_turn4_neon(a)
 #define HYI_PIN4(a) hyi_pin4_neon(a)
 #define HYI_GREATEST4(a) vmaxvq_f32(a)
 #define HYI_LEAST4(a) vminvq_f32(a)
@@ -88,6 +98,7 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #include "packet_body.inc.h"
 #include "begin_body.inc.h"
 #include "unpack_body.inc.h"
+#include "leaf_body.inc.h"
 #include "stream_body.inc.h"
 #include "lanes_end.inc.h"
 

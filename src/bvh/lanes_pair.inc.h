@@ -143,6 +143,21 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
 
 /* ---- lists */
 
+/* Four successive words of each of eight rays, as rows of one word of all. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_four_words)(const char *const at[8], size_t offset, HYI_I(hyi_f8) rows[4]) {
+    HYI_F4 low[4], high[4];
+    for (uint32_t k = 0; k < 4u; k++) {
+        low[k] = HYI_LOAD4((const float *)(const void *)(at[k] + offset));
+        high[k] = HYI_LOAD4((const float *)(const void *)(at[4u + k] + offset));
+    }
+    HYI_TURN4(low);
+    HYI_TURN4(high);
+    for (uint32_t k = 0; k < 4u; k++) {
+        rows[k].low = low[k];
+        rows[k].high = high[k];
+    }
+}
+
 /* Appends eight items to the lists of the children that their masks name. By bits: permutations from a table were slower. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
     for (uint32_t i = 0; i < 8u; i++) {
@@ -180,6 +195,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words(rays, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
+#define HYI_FOUR_WORDS(at, offset, rows) HYI_I(hyi_four_words)(at, offset, rows)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW HYI_F8

@@ -47,6 +47,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_CHOOSE4(m, a, b) _mm_blendv_ps(b, a, m)
 #define HYI_SAME4(a, b) _mm_castsi128_ps(_mm_cmpeq_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
 #define HYI_BITS4_4(low, high) ((uint32_t)_mm_movemask_ps(low) | (uint32_t)_mm_movemask_ps(high) << 4)
+#define HYI_TURN4(a) _MM_TRANSPOSE4_PS((a)[0], (a)[1], (a)[2], (a)[3])
 #define HYI_PIN4(a) hyi_pin4_sse42(a)
 #define HYI_GREATEST4(a) hyi_greatest4_sse42(a)
 #define HYI_LEAST4(a) hyi_least4_sse42(a)
@@ -72,6 +73,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #include "packet_body.inc.h"
 #include "begin_body.inc.h"
 #include "unpack_body.inc.h"
+#include "leaf_body.inc.h"
 #include "stream_body.inc.h"
 #include "lanes_end.inc.h"
 

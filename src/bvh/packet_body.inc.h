@@ -89,10 +89,9 @@ typedef struct HYI_I(hyi_meeting) {
     uint32_t possible;
 } HYI_I(hyi_meeting);
 
-/* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
-    HYI_I(hyi_corner_all) *k = m->corners;
-    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, k);
+/* From its sheared corners on: the same test as of one ray and eight triangles. Returns the lanes that certainly miss it. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_corners_all)(const hyi_packet *packet, HYI_I(hyi_meeting) *m) {
+    const HYI_I(hyi_corner_all) *k = m->corners;
     m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
     m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
     m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
@@ -103,7 +102,15 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, 
     m->first = HYI_MINW(HYI_MINW(m->t[0], m->t[1]), m->t[2]);
     m->last = HYI_MAXW(HYI_MAXW(m->t[0], m->t[1]), m->t[2]);
     HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), m->first), early = HYI_LTW(m->last, HYI_LOADW(packet->t_near));
-    m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
+    HYI_MW misses = HYI_ORW(outside, HYI_ORW(late, early));
+    m->possible = ~HYI_BITSW(misses) & HYI_ALLW;
+    return misses;
+}
+
+/* Triangle number triangle of a leaf. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, m->corners);
+    (void)HYI_I(hyi_meet_corners_all)(packet, m);
 }
 
 /* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */

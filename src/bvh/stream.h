@@ -28,6 +28,9 @@
    takes a third longer than it takes all rays to meet one. */
 #define HYI_SOONER_EACH(rays, triangles) (4u * (rays) <= 3u * (triangles))
 
+/* So many rays of a list meet a leaf of so many triangles sooner abreast, one triangle after the other, than one by one. */
+#define HYI_ABREAST_LEAST(triangles) ((triangles) + 3u)
+
 #define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
 #define HYI_LARGE_TREE ((size_t)96 << 20)
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
@@ -178,10 +181,17 @@ HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
 /* Of the lanes of a vector. */
 HYI_INLINE uint32_t hyi_count_lanes(uint32_t bits) { return hyi_count_bits(bits & 0xffu) + hyi_count_bits(bits >> 8); }
 
-/* What a child will read first. */
+/* What a child will read first: all of a node, and of a leaf, which begins anywhere in a line, as much as eight triangles take. */
 HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
-    const char *at = hyi_child_is_leaf(child) ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
-    for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
+    bool leaf = hyi_child_is_leaf(child);
+    const char *at = leaf ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
+    for (uint32_t line = 0; line < (leaf ? 6u : 4u); line++) hyi_prefetch(at + 64u * line);
+}
+
+/* What boxes and triangles need of a ray. */
+HYI_INLINE void hyi_prefetch_flight(const hyi_flight *flight) {
+    hyi_prefetch(&flight->aim);
+    hyi_prefetch(flight->aim.origin);
 }
 
 /* t of a ray of a packet at a triangle that it hits, where vectors do not decide: by hyi_confirm. */

@@ -4,7 +4,6 @@
    a list of flights down says how often these met something nearer than before. */
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space);
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
@@ -107,19 +106,6 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
         if (hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], some, dealt[c], node, c);
         else HYI_I(hyi_list_visit_packets)(swarm, node->child[c], some, dealt[c], space + HYI_WIDTH * stride);
     }
-}
-
-/* ---- leaves */
-
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &swarm->flights[list[i]];
-        if (!HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any)) continue;
-        if (swarm->any) hyi_flight_stop(flight);
-        hits++;
-    }
-    return hits;
 }
 
 /* ---- instances */

@@ -109,7 +109,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain;
+   else all are judged, for whether any is possible would be guessed wrong too often. */
 HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
@@ -122,27 +123,33 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
+    if (!exact)
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
-/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
-    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+/* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
+HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+    bool found = false;
+    for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        if (verdicts.certain >> lane & 1u) {
-            if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
+        if (verdicts->certain >> lane & 1u) {
+            if (verdicts->least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
         if (found && any) break;
     }
     return found;
+}
+
+/* Offers a leaf's triangles to a ray. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
+    return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
 }
 
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and

@@ -1,0 +1,198 @@
+/* ---- a list of flights at a leaf (expanded once for each instruction set)
+
+   Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
+   may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
+   once, one after the other, and without a branch: most would be guessed wrong, and what comes next would wait. */
+
+/* ---- many */
+
+/* Flights side by side: what triangles need of them, where packets keep it. */
+typedef struct HYI_I(hyi_abreast) {
+    hyi_packet rays;
+    hyi_flight *flights[HYI_PACKET_WIDTH];
+    HYI_I(hyi_block) turn; /* its y and z */
+    uint32_t live;         /* bits of the lanes with a flight */
+} HYI_I(hyi_abreast);
+
+/* Flights by their numbers; lanes beyond the last repeat the first. false: float tells nothing of some. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_abreast)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, HYI_I(hyi_abreast) *abreast) {
+    const char *at[HYI_LANES];
+    HYI_FW limits[4], start[4], frame[4];
+    hyi_packet *rays = &abreast->rays;
+    uint32_t exact = 0;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &swarm->flights[list[i < count ? i : 0u]];
+        abreast->flights[i] = flight;
+        at[i] = (const char *)flight;
+        exact |= flight->aim.exact;
+    }
+    if (exact) return false;
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.t_near), limits);
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.origin), start);
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.shear[1]), frame);
+    HYI_STOREW(rays->t_near, limits[0]);
+    HYI_STOREW(rays->t_far, limits[1]);
+    HYI_STOREW(rays->inverse_z, limits[2]);
+    HYI_STOREW(rays->least_t, limits[3]);
+    for (uint32_t k = 0; k < 3; k++) HYI_STOREW(rays->origin[k], start[k]);
+    HYI_STOREW(rays->shear[0], start[3]);
+    HYI_STOREW(rays->shear[1], frame[0]);
+    HYI_STOREW(rays->direction[2], HYI_DIVW(HYI_SETW(1.0f), limits[2])); /* a rounding off: bounds of errors are all it is for */
+    abreast->turn.y = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(1));
+    abreast->turn.z = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(2));
+    abreast->live = HYI_ALLW >> (HYI_LANES - count);
+    return true;
+}
+
+/* A triangle for each lane that may hit one: the one that it is judged by next. */
+typedef struct HYI_I(hyi_held) {
+    HYI_I(hyi_meeting) m; /* possible: the lanes that hold one */
+    HYI_FW triangle;
+} HYI_I(hyi_held);
+
+/* Where a lane may hit the triangle it met last, it holds that. misses: all other lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_hold)(HYI_I(hyi_held) *held, const HYI_I(hyi_meeting) *last, HYI_MW misses, uint32_t triangle) {
+    HYI_I(hyi_meeting) *m = &held->m;
+    for (uint32_t i = 0; i < 3; i++) {
+        m->corners[i].x = HYI_CHOOSEW(misses, m->corners[i].x, last->corners[i].x);
+        m->corners[i].y = HYI_CHOOSEW(misses, m->corners[i].y, last->corners[i].y);
+        m->w[i] = HYI_CHOOSEW(misses, m->w[i], last->w[i]);
+        m->t[i] = HYI_CHOOSEW(misses, m->t[i], last->t[i]);
+    }
+    m->least_w = HYI_CHOOSEW(misses, m->least_w, last->least_w);
+    m->most_w = HYI_CHOOSEW(misses, m->most_w, last->most_w);
+    m->first = HYI_CHOOSEW(misses, m->first, last->first);
+    m->last = HYI_CHOOSEW(misses, m->last, last->last);
+    m->possible |= last->possible;
+    held->triangle = HYI_CHOOSEW(misses, held->triangle, HYI_I(hyi_whole)(triangle));
+}
+
+/* Decides for one lane after the other. Returns the bits of those with a hit. */
+HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const hyi_lane_words *triangle, uint32_t mask) {
+    uint32_t found = 0;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        hyi_flight *flight = abreast->flights[lane];
+        if (!hyi_offer(&swarm->site, flight, leaf, triangle->word[lane])) continue;
+        if (swarm->any) hyi_flight_stop(flight);
+        abreast->rays.t_far[lane] = flight->aim.t_far;
+        abreast->rays.least_t[lane] = flight->aim.least_t;
+        found |= 1u << lane;
+    }
+    return found;
+}
+
+/* Judges the triangles held: hits that are nearer for certain than all before are put off, and what float cannot tell is decided.
+   Returns the bits of the lanes with a hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const HYI_I(hyi_held) *held, bool any) {
+    hyi_packet *rays = &abreast->rays;
+    HYI_I(hyi_verdict_all) verdict;
+    hyi_lane_words triangle;
+    float most[HYI_PACKET_WIDTH];
+    HYI_I(hyi_judge_all)(rays, &held->m, &verdict);
+    uint32_t left = held->m.possible & ~verdict.missed;
+    if (!left) return 0;
+    HYI_FW limit = HYI_ADDW(verdict.most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(verdict.most)));
+    HYI_MW nearer = HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(rays->least_t)));
+    uint32_t sure = swarm->site.asks_alpha ? 0u : left & HYI_BITSW(nearer);
+    HYI_STOREW(triangle.bits, held->triangle);
+    if (sure) {
+        HYI_STOREW(most, verdict.most);
+        HYI_STOREW(rays->least_t, HYI_CHOOSEW(nearer, verdict.least, HYI_LOADW(rays->least_t)));
+        HYI_STOREW(rays->t_far, HYI_CHOOSEW(nearer, any ? HYI_SETW(-FLT_MAX) : limit, HYI_LOADW(rays->t_far)));
+    }
+    for (uint32_t mask = sure; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        hyi_put_off(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any, ~0u);
+    }
+    return left == sure ? sure : sure | HYI_I(hyi_offer_to_lanes)(swarm, abreast, leaf, &triangle, left & ~sure);
+}
+
+/* Triangle number triangle of a leaf to all lanes; returns those that certainly miss it. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const float *rows, uint32_t count, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    for (uint32_t k = 0; k < 3; k++) {
+        const float *row = rows + 3u * k * count + triangle;
+        const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[count]), HYI_SETW(row[2u * count])};
+        HYI_FW x = HYI_I(hyi_turn)(&abreast->turn, v, 0), y = HYI_I(hyi_turn)(&abreast->turn, v, 1), z = HYI_I(hyi_turn)(&abreast->turn, v, 2);
+        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, x, y, z);
+    }
+    HYI_MW misses = HYI_I(hyi_meet_corners_all)(&abreast->rays, m);
+    m->possible &= abreast->live;
+    return misses;
+}
+
+/* Offers a leaf's triangles, one after the other, to all lanes. Few lanes may hit any one of them, so these are judged together.
+   Returns how many have a hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t count = hyi_leaf_count(leaf), found = 0;
+    HYI_I(hyi_held) held;
+    (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, 0, &held.m);
+    held.triangle = HYI_I(hyi_whole)(0);
+    for (uint32_t triangle = 1; triangle < count; triangle++) {
+        HYI_I(hyi_meeting) m;
+        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
+        if (!m.possible) continue;
+        if (m.possible & held.m.possible) {
+            found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
+            held.m.possible = 0;
+        }
+        HYI_I(hyi_hold)(&held, &m, misses, triangle);
+    }
+    if (held.m.possible) found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
+    return hyi_count_lanes(found);
+}
+
+/* ---- few */
+
+/* hyi_offer_leaf with the most common ends in one: nothing is hit, or one triangle for certain, before all others. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
+    uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
+    float least = verdicts.least[lane], most = verdicts.most[lane];
+    uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
+    if (HYI_UNLIKELY((possible & (possible - 1u)) | (possible & ~verdicts.certain) | (nearer ^ 1u))) {
+        bool found = HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
+        if (found && any) hyi_flight_stop(flight);
+        return found;
+    }
+    hyi_put_off(site, flight, leaf, lane, least, most, any, possible ? ~0u : 0u);
+    return possible != 0;
+}
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        if (swarm->site.asks_alpha || flight->aim.exact) {
+            bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
+            if (found && swarm->any) hyi_flight_stop(flight);
+            hits += found ? 1u : 0u;
+        } else {
+            hits += HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any) ? 1u : 0u;
+        }
+    }
+    return hits;
+}
+
+/* ---- all */
+
+/* Some flights, at most HYI_LANES. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    HYI_I(hyi_abreast) abreast;
+    if (!HYI_I(hyi_go_abreast)(swarm, list, count, &abreast)) return HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+    return swarm->any ? HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, true) : HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, false);
+}
+
+/* Returns how many rays of a list hit a triangle of a leaf. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
+    for (; count >= enough; list += HYI_LANES) {
+        uint32_t some = count < HYI_LANES ? count : HYI_LANES;
+        hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
+        count -= some;
+    }
+    return hits + HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+}
