@@ -98,8 +98,8 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_turn)(const HYI_I(hyi_block) *block, cons
 /* hyi_aim_shear for all lanes. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
     for (int half = 0; half < 2; half++) {
-        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
-        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_LOADH(packet->direction[2], half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_LOADH(packet->direction[i], half), t_by_z));
         HYI_STOREH(packet->inverse_z, half, t_by_z);
         HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
     }

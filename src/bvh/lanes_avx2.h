@@ -226,7 +226,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_LEASTW(a) (-hyi_greatest_avx2(_mm256_sub_ps(_mm256_setzero_ps(), a)))
 #define HYI_FD __m256d
 #define HYI_SETD(value) _mm256_set1_pd(value)
-#define HYI_HALFD(a, half) _mm256_cvtps_pd((half) ? _mm256_extractf128_ps(a, 1) : _mm256_castps256_ps128(a))
+#define HYI_LOADH(p, half) _mm256_cvtps_pd(_mm_loadu_ps((p) + 4 * (half)))
 #define HYI_LOADD(p) _mm256_loadu_pd(p)
 #define HYI_STORED(p, a) _mm256_storeu_pd(p, a)
 #define HYI_STOREH(p, half, a) _mm_storeu_ps((p) + 4 * (half), _mm256_cvtpd_ps(a))

@@ -288,7 +288,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_LEASTW(a) _mm512_reduce_min_ps(a)
 #define HYI_FD __m512d
 #define HYI_SETD(value) _mm512_set1_pd(value)
-#define HYI_HALFD(a, half) _mm512_cvtps_pd((half) ? _mm512_extractf32x8_ps(a, 1) : _mm512_castps512_ps256(a))
+#define HYI_LOADH(p, half) _mm512_cvtps_pd(_mm256_loadu_ps((p) + 8 * (half)))
 #define HYI_LOADD(p) _mm512_loadu_pd(p)
 #define HYI_STORED(p, a) _mm512_storeu_pd(p, a)
 #define HYI_STOREH(p, half, a) _mm256_storeu_ps((p) + 8 * (half), _mm512_cvtpd_ps(a))

@@ -34,7 +34,6 @@
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
-#undef HYI_HALFD
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
@@ -48,6 +47,7 @@
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
 #undef HYI_LOADD
+#undef HYI_LOADH
 #undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW

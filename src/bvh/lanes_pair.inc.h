@@ -107,8 +107,8 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_set_doubles)(double value) {
     return r;
 }
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_half_as_doubles)(HYI_I(hyi_f8) a, int half) {
-    HYI_F4 four = half ? a.high : a.low;
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_load_half)(const float *p, int half) {
+    HYI_F4 four = HYI_LOAD4(p + 4 * half);
     HYI_I(hyi_d4) r;
     r.low = HYI_LOW_AS_DOUBLES(four);
     r.high = HYI_HIGH_AS_DOUBLES(four);
@@ -225,7 +225,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
-#define HYI_HALFD(a, half) HYI_I(hyi_half_as_doubles)(a, half)
+#define HYI_LOADH(p, half) HYI_I(hyi_load_half)(p, half)
 #define HYI_LOADD(p) HYI_I(hyi_load_doubles)(p)
 #define HYI_STORED(p, a) HYI_I(hyi_store_doubles)(p, a)
 #define HYI_STOREH(p, half, a) HYI_I(hyi_store_half)(p, half, a)

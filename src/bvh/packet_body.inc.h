@@ -139,6 +139,17 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const 
     verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
 
+/* Corners in the sheared frames as hyi_confirm reads them: floats become doubles on their way from memory for less than out of
+   halves of registers. */
+typedef struct HYI_I(hyi_sheared) {
+    float x[3][HYI_PACKET_WIDTH], y[3][HYI_PACKET_WIDTH];
+} HYI_I(hyi_sheared);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_corner)(HYI_I(hyi_sheared) *corners, int k, HYI_I(hyi_corner_all) corner) {
+    HYI_STOREW(corners->x[k], corner.x);
+    HYI_STOREW(corners->y[k], corner.y);
+}
+
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
 HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, HYI_FD qx, HYI_FD qy) {
     return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
@@ -161,14 +172,14 @@ typedef struct HYI_I(hyi_outcome_half) {
     uint32_t doubtful;   /* of those whose t hyi_confirm has to settle */
 } HYI_I(hyi_outcome_half);
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_sheared) *corners,
                                                    const HYI_I(hyi_plane_half) *plane, int half, HYI_I(hyi_outcome_half) *outcome) {
-    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_HALFD(HYI_LOADW(packet->origin[2]), half);
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_LOADH(packet->origin[2], half);
     for (int i = 0; i < 3; i++) {
-        x[i] = HYI_HALFD(corners[i].x, half);
-        y[i] = HYI_HALFD(corners[i].y, half);
-        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
-        direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
+        x[i] = HYI_LOADH(corners->x[i], half);
+        y[i] = HYI_LOADH(corners->y[i], half);
+        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_LOADH(packet->origin[i], half)));
+        direction[i] = HYI_LOADH(packet->direction[i], half);
     }
     HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
     HYI_FD b = HYI_I(hyi_cross_exact_half)(x[0], y[0], x[2], y[2]);
@@ -242,16 +253,18 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 /* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
     HYI_I(hyi_corner_all) corners[3];
+    HYI_I(hyi_sheared) sheared;
     HYI_I(hyi_plane_half) plane;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
     HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, corners);
+    for (int k = 0; k < 3; k++) HYI_I(hyi_store_corner)(&sheared, k, corners[k]);
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_outcome_half) outcome;
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
         if (!some) continue;
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_I(hyi_confirm_half)(packet, &sheared, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         for (uint32_t left = some & outcome.doubtful; left; left &= left - 1u) {
             uint32_t lane = base + hyi_lowest_bit(left);

@@ -10,51 +10,55 @@ typedef struct HYI_I(hyi_finds) {
 
 /* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
    in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, HYI_FW rows[9]) {
-    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, float rows[9][HYI_PACKET_WIDTH]) {
+    HYI_FW at[9], leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (int i = 0; i < 9; i++) at[i] = HYI_ZEROW();
     while (left) {
         uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
         const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
         uint32_t count = hyi_leaf_count(leaf);
-        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+        for (uint32_t i = 0; i < 9u; i++) at[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), at[i]);
         finds->lanes[k] = HYI_BITSW(same);
         finds->leaf[k] = leaf;
         finds->triangle[k] = triangle;
         finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
         left &= ~finds->lanes[k];
     }
+    for (int i = 0; i < 9; i++) HYI_STOREW(rows[i], at[i]);
 }
 
 /* The planes of as many triangles as there are lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(float rows[9][HYI_PACKET_WIDTH], int half, HYI_I(hyi_plane_half) *plane) {
     HYI_FD e[3], f[3];
     for (int i = 0; i < 3; i++) {
-        plane->corner[i] = HYI_HALFD(rows[i], half);
-        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
-        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+        plane->corner[i] = HYI_LOADH(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_LOADH(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_LOADH(rows[i + 6], half), plane->corner[i]));
     }
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3, k = (i + 2) % 3;
         plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
     }
-    plane->z[0] = HYI_HALFD(rows[5], half);
-    plane->z[1] = HYI_HALFD(rows[8], half);
+    plane->z[0] = HYI_LOADH(rows[5], half);
+    plane->z[1] = HYI_LOADH(rows[8], half);
 }
 
 /* hyi_confirm for all lanes of a packet, each with its own triangle. Returns bits of those whose t it has to settle itself. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
-    HYI_I(hyi_corner_all) corners[3];
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, float rows[9][HYI_PACKET_WIDTH], float *t, float *u, float *v) {
+    HYI_I(hyi_sheared) corners;
     uint32_t doubtful = 0;
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int k = 0; k < 3; k++) {
+        HYI_FW x = HYI_LOADW(rows[3 * k]), y = HYI_LOADW(rows[3 * k + 1]), z = HYI_LOADW(rows[3 * k + 2]);
+        HYI_I(hyi_store_corner)(&corners, k, HYI_I(hyi_shear_lanes)(packet, x, y, z));
+    }
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
         HYI_I(hyi_outcome_half) outcome;
         HYI_I(hyi_planes_half)(rows, half, &plane);
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_I(hyi_confirm_half)(packet, &corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         HYI_I(hyi_store_weights)(&outcome, half, u, v);
         doubtful |= outcome.doubtful << (uint32_t)half * (HYI_LANES / 2u);
@@ -64,7 +68,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet,
 
 /* Works out all hits of a packet. */
 HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW rows[9];
+    float rows[9][HYI_PACKET_WIDTH];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
     HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
@@ -111,11 +115,9 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
 /* hyi_settle of all. */
 HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, const HYI_I(hyi_put_off) *some) {
     float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
-    HYI_FW rows[9];
     hyi_packet packet;
     for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
-    for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
-    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
+    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, at, t, u, v);
     for (uint32_t i = 0; i < some->count; i++) {
         if (doubtful >> i & 1u) hyi_settle(site, some->flights[i]);
         else HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
