@@ -194,6 +194,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_MIN8_WHERE(a, m, b) _mm256_blendv_ps(a, _mm256_min_ps(a, b), m)
 #define HYI_PIN8(a) hyi_pin8_avx2(a)
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words_avx2(rays, words)
+#define HYI_RECORDS(rows, words, out) HYI_I(hyi_records_four)(rows, words, out)
 #define HYI_LINES(rows, lines) hyi_lines_avx2(rows, lines)
 #define HYI_FOUR_WORDS(at, offset, rows) hyi_four_words_avx2(at, offset, rows)
 #define HYI_LANES 8u

@@ -227,7 +227,44 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
     }
 }
 
+/* Two words of two records, size bytes apart. */
+HYI_INLINE HYI_AVX512 void hyi_store_pairs_avx512(char *at, uint32_t size, __m128 pairs) {
+    _mm_storel_pi((__m64 *)(void *)at, pairs);
+    _mm_storeh_pi((__m64 *)(void *)(at + size), pairs);
+}
+
+/* hyi_records: four words of all at a time, transposed four by four; then two, and one. */
+HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out) {
+    uint32_t size = 4u * words, word = 0;
+    for (; word + 4u <= words; word += 4u) {
+        __m512 a = _mm512_loadu_ps(rows[word]), b = _mm512_loadu_ps(rows[word + 1u]), c = _mm512_loadu_ps(rows[word + 2u]), d = _mm512_loadu_ps(rows[word + 3u]);
+        __m512d low01 = _mm512_castps_pd(_mm512_unpacklo_ps(a, b)), high01 = _mm512_castps_pd(_mm512_unpackhi_ps(a, b));
+        __m512d low23 = _mm512_castps_pd(_mm512_unpacklo_ps(c, d)), high23 = _mm512_castps_pd(_mm512_unpackhi_ps(c, d));
+        const __m512d quads[4] = {_mm512_unpacklo_pd(low01, low23), _mm512_unpackhi_pd(low01, low23), _mm512_unpacklo_pd(high01, high23), _mm512_unpackhi_pd(high01, high23)};
+        for (uint32_t k = 0; k < 4u; k++) {
+            float *at = (float *)(void *)(out + k * size + 4u * word);
+            _mm_storeu_ps(at, _mm512_extractf32x4_ps(_mm512_castpd_ps(quads[k]), 0));
+            _mm_storeu_ps(at + 4u * words, _mm512_extractf32x4_ps(_mm512_castpd_ps(quads[k]), 1));
+            _mm_storeu_ps(at + 8u * words, _mm512_extractf32x4_ps(_mm512_castpd_ps(quads[k]), 2));
+            _mm_storeu_ps(at + 12u * words, _mm512_extractf32x4_ps(_mm512_castpd_ps(quads[k]), 3));
+        }
+    }
+    for (; word + 2u <= words; word += 2u) {
+        __m512 a = _mm512_loadu_ps(rows[word]), b = _mm512_loadu_ps(rows[word + 1u]);
+        const __m512 pairs[2] = {_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b)};
+        for (uint32_t k = 0; k < 2u; k++) {
+            char *at = out + 2u * k * size + 4u * word;
+            hyi_store_pairs_avx512(at, size, _mm512_extractf32x4_ps(pairs[k], 0));
+            hyi_store_pairs_avx512(at + 4u * size, size, _mm512_extractf32x4_ps(pairs[k], 1));
+            hyi_store_pairs_avx512(at + 8u * size, size, _mm512_extractf32x4_ps(pairs[k], 2));
+            hyi_store_pairs_avx512(at + 12u * size, size, _mm512_extractf32x4_ps(pairs[k], 3));
+        }
+    }
+    for (uint32_t i = 0; i < 16u && word < words; i++) memcpy(out + i * size + 4u * word, &rows[word][i], 4);
+}
+
 #define HYI_TARGET HYI_AVX512
+#define HYI_RECORDS(rows, words, out) hyi_records_avx512(rows, words, out)
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words_avx512(rays, words)
 #define HYI_LINES(rows, lines) hyi_lines_avx512(rows, lines)
 #define HYI_FOUR_WORDS(at, offset, rows) hyi_four_words_avx512(at, offset, rows)

@@ -99,6 +99,7 @@
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_RECORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
 #undef HYI_SIZE8

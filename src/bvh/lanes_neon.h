@@ -91,6 +91,7 @@ HYI_INLINE void hyi_turn4_neon(float32x4_t a[4]) {
 #define HYI_LT2(a, b) vcltq_f64(a, b)
 #define HYI_BITS2_2(low, high) hyi_bits2_2_neon(low, high)
 #define HYI_PIN2(a) hyi_pin2_neon(a)
+#define HYI_RECORDS(rows, words, out) hyi_records(rows, words, out, 8u)
 #define HYI_SIGNED4(size, of) vbslq_f32(vdupq_n_u32(0x80000000u), of, size)
 #include "lanes_pair.inc.h"
 #include "aim_body.inc.h"

@@ -67,6 +67,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_LT2(a, b) _mm_cmplt_pd(a, b)
 #define HYI_BITS2_2(low, high) ((uint32_t)_mm_movemask_pd(low) | (uint32_t)_mm_movemask_pd(high) << 2)
 #define HYI_PIN2(a) hyi_pin2_sse42(a)
+#define HYI_RECORDS(rows, words, out) HYI_I(hyi_records_four)(rows, words, out)
 #include "lanes_pair.inc.h"
 #include "aim_body.inc.h"
 #include "walk_body.inc.h"

@@ -129,6 +129,21 @@ HYI_INLINE void hyi_lines(const void *const rows[16], char *lines, uint32_t rays
             memcpy(lines + i * sizeof(hyi_flight) + 4u * word, (const char *)rows[word] + 4u * i, 4);
 }
 
+/* One answer, told or for the renderer, and its words. */
+typedef union hyi_record {
+    hydra_hit told;
+    hyk_hit hit;
+    float words[10];
+} hyi_record;
+#define HYI_WORDS_OF(type) ((uint32_t)(sizeof(type) / sizeof(float)))
+#define HYI_RECORD_WORDS HYI_WORDS_OF(hyi_record)
+
+/* Records of so many words each, one after the other, from rows of one word of all. */
+HYI_INLINE void hyi_records(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++)
+        for (uint32_t word = 0; word < words; word++) memcpy(out + sizeof(float) * (words * i + word), &rows[word][i], sizeof(float));
+}
+
 /* Of eight items, which children each meets. */
 typedef union hyi_masks8 {
     uint8_t bytes[8];

@@ -2,7 +2,8 @@
 
 /* The triangles that a packet found, and who found each. */
 typedef struct HYI_I(hyi_finds) {
-    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    HYI_MW same[HYI_PACKET_WIDTH];       /* the lanes that found the same one */
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* their bits */
     uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
     uint32_t count;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
@@ -11,23 +12,33 @@ typedef struct HYI_I(hyi_finds) {
 /* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
    in the order of axis. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, float rows[9][HYI_PACKET_WIDTH]) {
-    HYI_FW at[9], leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
+    HYI_I(hyi_corner_all) at[3];
+    HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    for (int i = 0; i < 9; i++) at[i] = HYI_ZEROW();
+    for (int i = 0; i < 3; i++) at[i].x = at[i].y = at[i].z = HYI_ZEROW();
     while (left) {
         uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
         const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
         uint32_t count = hyi_leaf_count(leaf);
-        for (uint32_t i = 0; i < 9u; i++) at[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), at[i]);
+        for (uint32_t i = 0; i < 3u; i++) {
+            at[i].x = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[0]) * count]), at[i].x);
+            at[i].y = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[1]) * count]), at[i].y);
+            at[i].z = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[2]) * count]), at[i].z);
+        }
+        finds->same[k] = same;
         finds->lanes[k] = HYI_BITSW(same);
         finds->leaf[k] = leaf;
         finds->triangle[k] = triangle;
         finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
         left &= ~finds->lanes[k];
     }
-    for (int i = 0; i < 9; i++) HYI_STOREW(rows[i], at[i]);
+    for (int i = 0; i < 3; i++) {
+        HYI_STOREW(rows[3 * i], at[i].x);
+        HYI_STOREW(rows[3 * i + 1], at[i].y);
+        HYI_STOREW(rows[3 * i + 2], at[i].z);
+    }
 }
 
 /* The planes of as many triangles as there are lanes. */
@@ -155,43 +166,57 @@ HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *oc
     }
 }
 
-HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = packet->live;
-    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
-    for (; left; left &= left - 1u) {
-        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
-        if (answers->told) hyi_tell_miss(&answers->told[ray]);
-        else hyi_answer_miss(&answers->hits[ray]);
-    }
-}
-
-/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+/* What the rays of one find have in common. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_record_find)(const hyi_swarm *swarm, const HYI_I(hyi_finds) *finds, uint32_t f, bool told, hyi_record *record) {
     const hyi_accel *accel = swarm->site.accel;
     hyk_hit hit;
-    hydra_hit told;
-    hyi_tell_miss(&told);
     hit.t = hit.u = hit.v = 0.0f;
     hit.instance = swarm->site.instance;
     hit.primitive = finds->primitive[f];
     hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
-    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
-    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
-        hit.t = finds->t[lane];
-        hit.u = finds->u[lane];
-        hit.v = finds->v[lane];
-        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
-        else answers->hits[ray] = hit;
+    if (told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &record->told);
+    else record->hit = hit;
+}
+
+/* Answers of all lanes, a row of each of their words. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_record_all)(const hyi_swarm *swarm, const HYI_I(hyi_finds) *finds, bool told, uint32_t words,
+                                                 float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH]) {
+    hyi_record record;
+    HYI_FW row[HYI_RECORD_WORDS];
+    if (told) hyi_tell_miss(&record.told);
+    else hyi_answer_miss(&record.hit);
+    for (uint32_t w = 0; w < words; w++) row[w] = HYI_SETW(record.words[w]);
+    for (uint32_t f = 0; f < finds->count; f++) {
+        HYI_MW same = finds->same[f];
+        HYI_I(hyi_record_find)(swarm, finds, f, told, &record);
+        row[0] = HYI_CHOOSEW(same, HYI_LOADW(finds->t), row[0]);
+        row[1] = HYI_CHOOSEW(same, HYI_LOADW(finds->u), row[1]);
+        row[2] = HYI_CHOOSEW(same, HYI_LOADW(finds->v), row[2]);
+        for (uint32_t w = 3; w < words; w++) row[w] = HYI_CHOOSEW(same, HYI_SETW(record.words[w]), row[w]);
     }
+    for (uint32_t w = 0; w < words; w++) HYI_STOREW(rows[w], row[w]);
+}
+
+/* Answers of so many words each, to those of HYI_LANES rays that live. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_records)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                     bool told, uint32_t words, char *out) {
+    float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH];
+    char all[HYI_PACKET_WIDTH * sizeof(hyi_record)];
+    size_t size = words * sizeof(float);
+    HYI_I(hyi_record_all)(swarm, finds, told, words, rows);
+    if (packet->live == HYI_ALLW) {
+        HYI_RECORDS(rows, words, out);
+        return;
+    }
+    HYI_RECORDS(rows, words, all);
+    for (uint32_t left = packet->live; left; left &= left - 1u) memcpy(out + hyi_lowest_bit(left) * size, all + hyi_lowest_bit(left) * size, size);
 }
 
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
-    hyi_answers to = *answers;
     HYI_I(hyi_finds) finds;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
-    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
+    if (answers->told) HYI_I(hyi_unpack_records)(swarm, packet, &finds, true, HYI_WORDS_OF(hydra_hit), (char *)&answers->told[packet->ray[0]]);
+    else HYI_I(hyi_unpack_records)(swarm, packet, &finds, false, HYI_WORDS_OF(hyk_hit), (char *)&answers->hits[packet->ray[0]]);
 }
 
 /* Answers the rays of count packets. */
