@@ -7,9 +7,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
-        packet->shear_low[a] = HYI_LEASTW(shear);
-        packet->shear_high[a] = HYI_GREATESTW(shear);
-        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
+        float least = HYI_LEASTW(shear), greatest = HYI_GREATESTW(shear), middle = 0.5f * (least + greatest);
+        packet->shear_middle[a] = middle;
+        packet->shear_half[a] = greatest - middle > middle - least ? greatest - middle : middle - least;
+        if (!(greatest - least <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
         low[a] = HYI_LEASTW(HYI_LOADW(o[a]));

@@ -353,25 +353,75 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
 }
 
-/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit: those whose corners do not lie all
-   on one side of all rays along an axis of the sheared frames. Rounding is monotone, so what is greater for all rays before
-   it is not less after. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+/* ---- a leaf's triangles, all at once, to all rays of a packet that begin at one point */
+
+/* Where the middle ray of a packet sees a leaf's triangles, and how far off it others may see them. */
+typedef struct HYI_I(hyi_outlook) {
+    HYI_I(hyi_corners) k[3];
+    HYI_F8 half[2];       /* by which shears differ from the middle one */
+    HYI_F8 slack, margin; /* more than rounding makes of x or y, and of an edge function */
+} HYI_I(hyi_outlook);
+
+/* For another ray a corner's x, for one, is off that of the middle ray by up to half |z|. With that in across, what is worked out
+   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf, HYI_I(hyi_outlook) *out) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf);
-    HYI_F8 low[2], high[2], zero = HYI_ZERO8();
-    for (uint32_t k = 0; k < 3u; k++) {
-        HYI_F8 z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[2]) * count), HYI_SET8(p->origin[2][0])));
-        for (uint32_t a = 0; a < 2u; a++) {
-            HYI_F8 d = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[a]) * count), HYI_SET8(p->origin[a][0])));
-            HYI_F8 one = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_low[a]), z)), other = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_high[a]), z));
-            HYI_F8 least = HYI_SUB8(d, HYI_MAX8(one, other)), most = HYI_SUB8(d, HYI_MIN8(one, other));
-            low[a] = k ? HYI_MIN8(low[a], least) : least;
-            high[a] = k ? HYI_MAX8(high[a], most) : most;
+    HYI_F8 across = HYI_ZERO8(), along = across, shear_x = HYI_SET8(-p->shear_middle[0]), shear_y = HYI_SET8(-p->shear_middle[1]);
+    for (uint32_t i = 0; i < 3u; i++) {
+        const float *row = rows + 3u * i * count;
+        HYI_F8 z = HYI_SUB8(HYI_LOADU8(row + swarm->axis[2] * count), HYI_SET8(p->origin[2][0]));
+        HYI_F8 x = HYI_MAD8(shear_x, z, HYI_SUB8(HYI_LOADU8(row + swarm->axis[0] * count), HYI_SET8(p->origin[0][0])));
+        HYI_F8 y = HYI_MAD8(shear_y, z, HYI_SUB8(HYI_LOADU8(row + swarm->axis[1] * count), HYI_SET8(p->origin[1][0])));
+        across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(x), HYI_SIZE8(y)));
+        along = HYI_MAX8(along, HYI_SIZE8(z));
+        out->k[i].x = x;
+        out->k[i].y = y;
+        out->k[i].z = z;
+    }
+    for (int a = 0; a < 2; a++) out->half[a] = HYI_SET8(p->shear_half[a]);
+    across = HYI_MAD8(HYI_MAX8(out->half[0], out->half[1]), along, across);
+    out->slack = HYI_MUL8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along));
+    out->margin = HYI_MAD8(across, out->slack, HYI_SET8(HYI_EDGE_LEAST));
+}
+
+/* Those of which one edge function is above zero for all rays, and one below. They are linear in the shears. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_beside_edges)(const HYI_I(hyi_outlook) *out) {
+    HYI_F8 zero = HYI_ZERO8();
+    HYI_M8 above = HYI_LT8(zero, zero), below = above;
+    for (int i = 0; i < 3; i++) {
+        const HYI_I(hyi_corners) *p = &out->k[(i + 2) % 3], *q = &out->k[(i + 1) % 3];
+        HYI_F8 w = HYI_SUB8(HYI_MUL8(p->x, q->y), HYI_MUL8(p->y, q->x));
+        HYI_F8 by_x = HYI_SIZE8(HYI_SUB8(HYI_MUL8(p->y, q->z), HYI_MUL8(p->z, q->y)));
+        HYI_F8 by_y = HYI_SIZE8(HYI_SUB8(HYI_MUL8(p->z, q->x), HYI_MUL8(p->x, q->z)));
+        HYI_F8 range = HYI_MAD8(out->half[0], by_x, HYI_MAD8(out->half[1], by_y, out->margin));
+        above = HYI_OR8(above, HYI_LT8(range, w));
+        below = HYI_OR8(below, HYI_LT8(w, HYI_SUB8(zero, range)));
+    }
+    return HYI_AND8(above, below);
+}
+
+/* Those whose corners lie all on one side of all rays along x, or along y. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_beside_corners)(const HYI_I(hyi_outlook) *out) {
+    HYI_F8 low[2], high[2], back = HYI_SUB8(HYI_ZERO8(), out->slack);
+    for (int i = 0; i < 3; i++) {
+        HYI_F8 z = HYI_SIZE8(out->k[i].z);
+        for (int a = 0; a < 2; a++) {
+            HYI_F8 at = a ? out->k[i].y : out->k[i].x, off = HYI_MUL8(out->half[a], z), least = HYI_SUB8(at, off), most = HYI_ADD8(at, off);
+            low[a] = i ? HYI_MIN8(low[a], least) : least;
+            high[a] = i ? HYI_MAX8(high[a], most) : most;
         }
     }
-    HYI_M8 beside = HYI_OR8(HYI_OR8(HYI_LT8(zero, low[0]), HYI_LT8(high[0], zero)), HYI_OR8(HYI_LT8(zero, low[1]), HYI_LT8(high[1], zero)));
-    return ~HYI_BITS8(beside) & ((1u << count) - 1u);
+    HYI_M8 after = HYI_OR8(HYI_LT8(out->slack, low[0]), HYI_LT8(out->slack, low[1]));
+    return HYI_OR8(after, HYI_OR8(HYI_LT8(high[0], back), HYI_LT8(high[1], back)));
+}
+
+/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+    HYI_I(hyi_outlook) out;
+    HYI_I(hyi_look_out)(swarm, p, leaf, &out);
+    HYI_M8 beside = HYI_OR8(HYI_I(hyi_beside_edges)(&out), HYI_I(hyi_beside_corners)(&out));
+    return ~HYI_BITS8(beside) & ((1u << hyi_leaf_count(leaf)) - 1u);
 }
 
 /* A ray of a packet as leaves see it. */

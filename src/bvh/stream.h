@@ -65,7 +65,7 @@ typedef struct hyi_packet {
     float first_t, last_t;
     uint32_t spread;                     /* 1: they begin at different points, and bounds of all say little of each */
     uint32_t live, group;                /* bits of the lanes with a ray; what their directions have in common: see hyi_aim_group */
-    float shear_low[2], shear_high[2];
+    float shear_middle[2], shear_half[2]; /* of all rays, and the most by which they are off it */
     uint32_t unused[6];                 /* fills the last cache line: vectors of rays lie in one each */
 } hyi_packet;
 HYI_STATIC_ASSERT(sizeof(hyi_packet) % 64u == 0);
