@@ -487,15 +487,33 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* node, c: where the leaf hangs; NULL: nowhere. */
+/* Packets of a list some of whose rays meet the box of a leaf, and bits of these. */
+typedef struct HYI_I(hyi_visitors) {
+    uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
+    uint32_t count;
+} HYI_I(hyi_visitors);
+
+/* node, c: where the leaf hangs; NULL: nowhere. Without a branch: it would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c,
+                                              HYI_I(hyi_visitors) *visitors) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[list[i]], node, c) : HYI_ALLW;
+        visitors->packets[kept] = list[i];
+        visitors->rays[kept] = rays;
+        kept += rays ? 1u : 0u;
+    }
+    visitors->count = kept;
+}
+
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_packet *packet = &swarm->packets[list[i]];
+    HYI_I(hyi_visitors) visitors;
+    HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
+    for (uint32_t i = 0; i < visitors.count; i++) {
+        hyi_packet *packet = &swarm->packets[visitors.packets[i]];
+        uint32_t mask = visitors.rays[i];
         bool found = false;
-        if (packet->last_t < packet->first_t) continue;
-        uint32_t mask = node ? HYI_I(hyi_meet_box_each)(swarm, packet, node, c) : HYI_ALLW;
-        if (!mask) continue;
         if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
             for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
         } else {
