@@ -66,34 +66,36 @@ HYI_STATIC_ASSERT(sizeof(hyk_ray) == 32 && offsetof(hyk_ray, t_min) == 12 && off
 /* Seven wait on each level. */
 #define HYI_STACK (7u * HYI_TREE_DEPTH + 8u)
 
-typedef struct hyi_waiting {
-    uint32_t child;
+/* A child in the low half, the bits of t at which it is entered in the high one: in the order of t, but where that is negative. */
+typedef int64_t hyi_waiting;
+
+HYI_INLINE hyi_waiting hyi_waiting_of(uint32_t child, float t) {
+    uint32_t bits;
+    memcpy(&bits, &t, sizeof bits);
+    return (hyi_waiting)((uint64_t)bits << 32 | child);
+}
+
+HYI_INLINE float hyi_waiting_t(hyi_waiting waiting) {
+    uint32_t bits = (uint32_t)((uint64_t)waiting >> 32);
     float t;
-} hyi_waiting;
+    memcpy(&t, &bits, sizeof t);
+    return t;
+}
 
 /* Of child first and those in mask (not empty), returns the nearest and puts the others on the stack, the
    nearer the higher. */
 HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t first, uint32_t mask) {
-    hyi_waiting *base = *stack, *top = base;
-    hyi_waiting nearest;
-    nearest.child = child[first];
-    nearest.t = t[first];
+    hyi_waiting *base = *stack, *top = base, nearest = hyi_waiting_of(child[first], t[first]);
     for (; mask; mask &= mask - 1u) {
         uint32_t c = hyi_lowest_bit(mask);
-        hyi_waiting other, farther;
-        other.child = child[c];
-        other.t = t[c];
-        bool nearer = other.t < nearest.t;
-        farther.child = nearer ? nearest.child : other.child;
-        farther.t = nearer ? nearest.t : other.t;
-        nearest.child = nearer ? other.child : nearest.child;
-        nearest.t = nearer ? other.t : nearest.t;
+        hyi_waiting other = hyi_waiting_of(child[c], t[c]), farther = other > nearest ? other : nearest;
+        nearest = other > nearest ? nearest : other;
         hyi_waiting *place = top++;
-        for (; place > base && place[-1].t < farther.t; place--) *place = place[-1];
+        for (; place > base && place[-1] < farther; place--) *place = place[-1];
         *place = farther;
     }
     *stack = top;
-    return nearest.child;
+    return (uint32_t)nearest;
 }
 
 /* ---- triangles */

@@ -188,8 +188,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -213,15 +213,14 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
                 uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
-                top->child = nearest;
-                top++->t = -FLT_MAX;
+                *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
