@@ -196,13 +196,6 @@ HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
 /* Of the lanes of a vector. */
 HYI_INLINE uint32_t hyi_count_lanes(uint32_t bits) { return hyi_count_bits(bits & 0xffu) + hyi_count_bits(bits >> 8); }
 
-/* What a child will read first: all of a node, and of a leaf, which begins anywhere in a line, as much as eight triangles take. */
-HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
-    bool leaf = hyi_child_is_leaf(child);
-    const char *at = leaf ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
-    for (uint32_t line = 0; line < (leaf ? 6u : 4u); line++) hyi_prefetch(at + 64u * line);
-}
-
 /* What boxes and triangles need of a ray. */
 HYI_INLINE void hyi_prefetch_flight(const hyi_flight *flight) {
     hyi_prefetch(&flight->aim);

@@ -164,7 +164,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flig
     }
 }
 
-/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for what waits,
+   but not where any hit will do: such a ray ends before it comes to most of that. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -178,7 +179,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+            if (!mask) continue;
+            hyi_waiting *waiting = top;
+            at = hyi_push_farther(&top, node->child, enter, first, mask);
+            for (; waiting != top && !any; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;

@@ -99,8 +99,8 @@ HYI_FN hydra_result hyi_query_device(const hydra_scene *scene, const hydra_ray *
     return result;
 }
 
-/* hits, or else occluded. */
-HYI_FN hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
+/* hits, or else occluded. Not inlined: calls with few rays would save registers for it. */
+HYI_NOINLINE hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
     if (scene->context->backend) return count ? hyi_query_device(scene, rays, hits, occluded, count) : HYDRA_OK;
     hyi_answers answers;
     answers.hits = NULL;
