@@ -95,7 +95,7 @@
    into a following sum. Costs no instruction. */
 HYI_INLINE float hyi_rounded(float product) {
 #if HYI_GNU && defined(__x86_64__)
-    __asm__("" : "+x"(product));
+    __asm__("" : "+v"(product));
 #elif HYI_GNU && defined(__aarch64__)
     __asm__("" : "+w"(product));
 #endif

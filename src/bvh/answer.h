@@ -41,10 +41,12 @@ HYI_INLINE void hyi_answer_miss(hyk_hit *hit) {
 
 /* ---- for the caller */
 
-/* Squares of products of floats stay in double's range, so nothing has to be scaled. */
+/* Squares of products of floats stay in double's range, so nothing has to be scaled. Component by component: a vector of two
+   would wait until both have left for memory, where they have just been written one by one. */
 HYI_INLINE hyk_vec3 hyi_unit_of(const double n[3]) {
-    double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(n[0], n[0], n[1], n[1], n[2], n[2])));
-    return hyk_make3((float)(n[0] * inverse), (float)(n[1] * inverse), (float)(n[2] * inverse));
+    double x = hyi_rounded_double(n[0]), y = hyi_rounded_double(n[1]), z = hyi_rounded_double(n[2]);
+    double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(x, x, y, y, z, z)));
+    return hyk_make3((float)(x * inverse), (float)(y * inverse), (float)(z * inverse));
 }
 
 /* Of a triangle whose corners' coordinates lie stride floats apart. */

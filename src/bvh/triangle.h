@@ -170,6 +170,7 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
 /* A t of the ray in the tree's units, moved up or down by more than a t that is compared with it has been rounded by: that of
    a long direction may have underflowed. */
 HYI_INLINE float hyi_aim_t(const hyi_aim *aim, float t, float sign) {
+    if (!aim->exact) return t + sign * 4.0f * HYI_ULP * fabsf(t);
     double least = aim->inverse_unit > 1.0 ? (double)sign * HYI_T_LEAST : 0.0;
     float here = (float)(((double)t + least) * aim->inverse_unit);
     return here + sign * 4.0f * HYI_ULP * fabsf(here);
@@ -201,7 +202,7 @@ HYI_INLINE void hyi_shear_corner(const hyi_aim *aim, const float *row, uint32_t 
 
 HYI_INLINE double hyi_rounded_double(double value) {
 #if HYI_GNU && defined(__x86_64__)
-    __asm__("" : "+x"(value));
+    __asm__("" : "+v"(value));
 #elif HYI_GNU && defined(__aarch64__)
     __asm__("" : "+w"(value));
 #endif

@@ -158,9 +158,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flig
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
-        uint32_t lane = hyi_lowest_bit(mask);
-        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
-        else (void)hyi_decide(site, flight, leaf, lane);
+        (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
     }
 }
 
