@@ -285,11 +285,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     blank.best.instance = blank.best.primitive = HYK_NONE;
     HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
     HYI_I(hyi_name_axes)(block, plane, axis);
-    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
-                             plane[0], plane[1], plane[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
+    const void *boxes[16] = {plane[0], plane[1], plane[2], inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2],
+                             far_offset[0], far_offset[1], far_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
     const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
                                  p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
-    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.near_plane));
     HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];

@@ -84,45 +84,31 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
    are broadcast instead of rays, of which there are more, and who enters a child is known in the order of the list. With vectors of
    sixteen the processor's clock fell by a tenth; without masks for a choice between planes there is nothing to gain. */
 
-/* hyi_aim of eight flights from inverse to t_far, and one word more; where each component of the direction is negative. */
+/* hyi_aim of eight flights from inverse to inverse_z; where each component of the direction is negative. */
 typedef struct hyi_slabs_avx512 {
-    __m256 inverse[3], near_offset[3], far_offset[3], t_near, t_far, unused;
+    __m256 words[12];
     __mmask8 falls[3];
 } hyi_slabs_avx512;
 
-/* Of each flight of a list four words from number first on: two flights to a register, two transpositions of four by four at once. */
-HYI_INLINE HYI_AVX512 void hyi_load_columns_avx512(const hyi_flight *flights, const uint32_t list[8], uint32_t first, __m256 *a, __m256 *b, __m256 *c, __m256 *d) {
-    __m256 two[4];
-    for (uint32_t k = 0; k < 4u; k++) {
-        const float *low = flights[list[k]].aim.inverse, *high = flights[list[k + 4u]].aim.inverse;
-        two[k] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(low + first)), _mm_load_ps(high + first), 1);
-    }
-    __m256 low01 = _mm256_unpacklo_ps(two[0], two[1]), high01 = _mm256_unpackhi_ps(two[0], two[1]);
-    __m256 low23 = _mm256_unpacklo_ps(two[2], two[3]), high23 = _mm256_unpackhi_ps(two[2], two[3]);
-    *a = _mm256_shuffle_ps(low01, low23, 0x44);
-    *b = _mm256_shuffle_ps(low01, low23, 0xee);
-    *c = _mm256_shuffle_ps(high01, high23, 0x44);
-    *d = _mm256_shuffle_ps(high01, high23, 0xee);
-}
-
-HYI_STATIC_ASSERT(offsetof(hyi_aim, near_offset) == 12 && offsetof(hyi_aim, far_offset) == 24 && offsetof(hyi_aim, t_near) == 36 &&
-                  offsetof(hyi_aim, t_far) == 40);
+HYI_STATIC_ASSERT(offsetof(hyi_aim, near_offset) - offsetof(hyi_aim, inverse) == 12 && offsetof(hyi_aim, far_offset) - offsetof(hyi_aim, inverse) == 24 &&
+                  offsetof(hyi_aim, t_near) - offsetof(hyi_aim, inverse) == 36 && offsetof(hyi_aim, t_far) - offsetof(hyi_aim, inverse) == 40);
 
 HYI_INLINE HYI_AVX512 void hyi_load_slabs_avx512(const hyi_flight *flights, const uint32_t list[8], hyi_slabs_avx512 *s) {
-    hyi_load_columns_avx512(flights, list, 0, &s->inverse[0], &s->inverse[1], &s->inverse[2], &s->near_offset[0]);
-    hyi_load_columns_avx512(flights, list, 4, &s->near_offset[1], &s->near_offset[2], &s->far_offset[0], &s->far_offset[1]);
-    hyi_load_columns_avx512(flights, list, 8, &s->far_offset[2], &s->t_near, &s->t_far, &s->unused);
-    for (int a = 0; a < 3; a++) s->falls[a] = _mm256_movepi32_mask(_mm256_castps_si256(s->inverse[a]));
+    const char *at[8];
+    for (uint32_t i = 0; i < 8u; i++) at[i] = (const char *)flights[list[i]].aim.inverse;
+    for (uint32_t word = 0; word < 12u; word += 4u) hyi_four_words_avx2(at, 4u * word, s->words + word);
+    for (int a = 0; a < 3; a++) s->falls[a] = _mm256_movepi32_mask(_mm256_castps_si256(s->words[a]));
 }
 
 /* Who meets the box of child c, and where: hyi_meet_boxes. */
 HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child_avx512(const hyi_slabs_avx512 *s, const hyi_node *node, uint32_t c, __m256 *enter) {
-    __m256 first = s->t_near, last = s->t_far;
+    const __m256 *inverse = s->words, *near_offset = inverse + 3, *far_offset = inverse + 6;
+    __m256 first = s->words[9], last = s->words[10];
     for (int a = 0; a < 3; a++) {
         __m256 lower = _mm256_set1_ps(node->planes[2 * a][c]), upper = _mm256_set1_ps(node->planes[2 * a + 1][c]);
         __m256 near_plane = _mm256_mask_blend_ps(s->falls[a], lower, upper), far_plane = _mm256_mask_blend_ps(s->falls[a], upper, lower);
-        first = _mm256_max_ps(first, _mm256_fmadd_ps(near_plane, s->inverse[a], s->near_offset[a]));
-        last = _mm256_min_ps(last, _mm256_fmadd_ps(far_plane, s->inverse[a], s->far_offset[a]));
+        first = _mm256_max_ps(first, _mm256_fmadd_ps(near_plane, inverse[a], near_offset[a]));
+        last = _mm256_min_ps(last, _mm256_fmadd_ps(far_plane, inverse[a], far_offset[a]));
     }
     *enter = first;
     return _mm256_cmp_ps_mask(first, last, _CMP_LE_OQ);
