@@ -23,6 +23,7 @@
 #define HYI_CULL_SHARE 6u        /* if fewer than one in so many met something, lists are not looked through for rays to leave out */
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
+#define HYI_MANY_CHILDREN 4u     /* met by the bounds of a packet, make it worth looking at each of its rays */
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
 /* Whether so many rays of a packet meet a leaf of so many triangles sooner one by one: each then meets all of them at once, which
    takes a third longer than it takes all rays to meet one. */

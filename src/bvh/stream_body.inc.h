@@ -46,14 +46,15 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hy
     HYI_STORE8(nearest, least);
 }
 
-/* The same of packets, which have their near planes in common. */
+/* The same of packets, which have their near planes in common. Those that seem to meet many children, and begin at different points,
+   are looked at by each ray afterwards: a branch in the midst of the others would be taken by chance. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                    uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
     HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += 8u) {
-        uint32_t some = count - first < 8u ? count - first : 8u;
+        uint32_t some = count - first < 8u ? count - first : 8u, unsure[8], doubts = 0;
         hyi_masks8 masks;
         masks.all = 0;
         for (uint32_t i = 0; i < some; i++) {
@@ -62,8 +63,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
             HYI_M8 mask = HYI_I(hyi_meet_boxes_all)(packet, &planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
-            if (packet->spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, packet, node, met);
             masks.bytes[i] = (uint8_t)met;
+            unsure[doubts] = i;
+            doubts += packet->spread && hyi_count_bits(met) >= HYI_MANY_CHILDREN ? 1u : 0u;
+        }
+        for (uint32_t k = 0; k < doubts; k++) {
+            uint32_t i = unsure[k];
+            masks.bytes[i] = (uint8_t)HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[list[first + i]], node, masks.bytes[i]);
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
