@@ -100,18 +100,6 @@ HYI_INLINE void hyi_tell_surface(const hyi_accel *accel, hyk_hit hit, hyk_vec3 n
     out->normal[2] = n.z;
 }
 
-/* A second answer of a ray that met the same triangle elsewhere. Word by word: a copy would wait for the first one's stores. */
-HYI_INLINE void hyi_tell_alike(const hydra_hit *other, hyk_hit hit, hydra_hit *out) {
-    out->t = hit.t;
-    out->u = hit.u;
-    out->v = hit.v;
-    out->primitive = other->primitive;
-    out->mesh = other->mesh;
-    out->instance = other->instance;
-    out->light = other->light;
-    for (int i = 0; i < 3; i++) out->normal[i] = other->normal[i];
-}
-
 HYI_INLINE void hyi_tell_miss(hydra_hit *out) {
     out->t = -1.0f;
     out->u = out->v = 0.0f;
