@@ -157,13 +157,12 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
-        (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
-    }
+    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
-/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for what waits,
-   but not where any hit will do: such a ray ends before it comes to most of that. */
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
+   children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -177,10 +176,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
-            if (!mask) continue;
             hyi_waiting *waiting = top;
-            at = hyi_push_farther(&top, node->child, enter, first, mask);
-            for (; waiting != top && !any; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+            if (any) continue;
+            hyi_prefetch_child(site->bvh, at);
+            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
