@@ -890,7 +890,7 @@ HYDRA_API hydra_result hydra_estimate(hydra_scene *scene, const hydra_render_des
    into a following sum. Costs no instruction. */
 HYI_INLINE float hyi_rounded(float product) {
 #if HYI_GNU && defined(__x86_64__)
-    __asm__("" : "+x"(product));
+    __asm__("" : "+v"(product));
 #elif HYI_GNU && defined(__aarch64__)
     __asm__("" : "+w"(product));
 #endif
@@ -9039,10 +9039,10 @@ HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions
 
 /* A ray in the units of one tree. t here times unit is t of the ray. Planes are met at t = plane * inverse + offset. */
 typedef struct hyi_aim {
+    uint32_t near_plane[3];               /* where in hyi_node.planes that is which the ray meets first; the other is ^ HYI_WIDTH */
     float inverse[3];                     /* of the direction; finite */
     float near_offset[3], far_offset[3];  /* of the origin moved by the error bound: slabs only get thicker */
     float t_near, t_far;
-    uint32_t near_plane[3];               /* where in hyi_node.planes that is which the ray meets first; the other is ^ HYI_WIDTH */
     float inverse_z;                      /* t here by distance along z */
     float least_t;                        /* no less is t of the nearest hit so far, where unit is 1 */
     float origin[3], shear[2];            /* in the order of axis */
@@ -9157,6 +9157,7 @@ HYI_FN void hyi_aim_shear(hyi_aim *aim, const float *o, const float *d) {
 /* A t of the ray in the tree's units, moved up or down by more than a t that is compared with it has been rounded by: that of
    a long direction may have underflowed. */
 HYI_INLINE float hyi_aim_t(const hyi_aim *aim, float t, float sign) {
+    if (!aim->exact) return t + sign * 4.0f * HYI_ULP * fabsf(t);
     double least = aim->inverse_unit > 1.0 ? (double)sign * HYI_T_LEAST : 0.0;
     float here = (float)(((double)t + least) * aim->inverse_unit);
     return here + sign * 4.0f * HYI_ULP * fabsf(here);
@@ -9188,7 +9189,7 @@ HYI_INLINE void hyi_shear_corner(const hyi_aim *aim, const float *row, uint32_t 
 
 HYI_INLINE double hyi_rounded_double(double value) {
 #if HYI_GNU && defined(__x86_64__)
-    __asm__("" : "+x"(value));
+    __asm__("" : "+v"(value));
 #elif HYI_GNU && defined(__aarch64__)
     __asm__("" : "+w"(value));
 #endif
@@ -9369,44 +9370,55 @@ HYI_INLINE bool hyi_ray_is_sound(const hyk_ray *ray) {
 }
 HYI_STATIC_ASSERT(sizeof(hyk_ray) == 32 && offsetof(hyk_ray, t_min) == 12 && offsetof(hyk_ray, t_max) == 28);
 
+/* ---- what a child of a node stands for */
+
+HYI_INLINE const float *hyi_leaf_rows(const hyi_bvh *bvh, uint32_t leaf) { return bvh->rows + 9u * (size_t)hyi_leaf_first(leaf); }
+
+/* What a child will read first: all of a node, and of a leaf, which begins anywhere in a line, as much as eight triangles take. */
+HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
+    bool leaf = hyi_child_is_leaf(child);
+    const char *at = leaf ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
+    for (uint32_t line = 0; line < (leaf ? 6u : 4u); line++) hyi_prefetch(at + 64u * line);
+}
+
 /* ---- the children of a node that a single ray still has to visit */
 
 /* Seven wait on each level. */
 #define HYI_STACK (7u * HYI_TREE_DEPTH + 8u)
 
-typedef struct hyi_waiting {
-    uint32_t child;
+/* A child in the low half, the bits of t at which it is entered in the high one: in the order of t, but where that is negative. */
+typedef int64_t hyi_waiting;
+
+HYI_INLINE hyi_waiting hyi_waiting_of(uint32_t child, float t) {
+    uint32_t bits;
+    memcpy(&bits, &t, sizeof bits);
+    return (hyi_waiting)((uint64_t)bits << 32 | child);
+}
+
+HYI_INLINE float hyi_waiting_t(hyi_waiting waiting) {
+    uint32_t bits = (uint32_t)((uint64_t)waiting >> 32);
     float t;
-} hyi_waiting;
+    memcpy(&t, &bits, sizeof t);
+    return t;
+}
 
 /* Of child first and those in mask (not empty), returns the nearest and puts the others on the stack, the
    nearer the higher. */
 HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t first, uint32_t mask) {
-    hyi_waiting *base = *stack, *top = base;
-    hyi_waiting nearest;
-    nearest.child = child[first];
-    nearest.t = t[first];
+    hyi_waiting *base = *stack, *top = base, nearest = hyi_waiting_of(child[first], t[first]);
     for (; mask; mask &= mask - 1u) {
         uint32_t c = hyi_lowest_bit(mask);
-        hyi_waiting other, farther;
-        other.child = child[c];
-        other.t = t[c];
-        bool nearer = other.t < nearest.t;
-        farther.child = nearer ? nearest.child : other.child;
-        farther.t = nearer ? nearest.t : other.t;
-        nearest.child = nearer ? other.child : nearest.child;
-        nearest.t = nearer ? other.t : nearest.t;
+        hyi_waiting other = hyi_waiting_of(child[c], t[c]), farther = other > nearest ? other : nearest;
+        nearest = other > nearest ? nearest : other;
         hyi_waiting *place = top++;
-        for (; place > base && place[-1].t < farther.t; place--) *place = place[-1];
+        for (; place > base && place[-1] < farther; place--) *place = place[-1];
         *place = farther;
     }
     *stack = top;
-    return nearest.child;
+    return (uint32_t)nearest;
 }
 
 /* ---- triangles */
-
-HYI_INLINE const float *hyi_leaf_rows(const hyi_bvh *bvh, uint32_t leaf) { return bvh->rows + 9u * (size_t)hyi_leaf_first(leaf); }
 
 /* In the world, the number of a triangle tells whose it is. */
 HYI_INLINE void hyi_locate_in_world(const hyi_accel *accel, uint32_t *instance, uint32_t *primitive) {
@@ -9478,6 +9490,26 @@ HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t le
     flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
     if (any) flight->best.instance = site->instance;
     return true;
+}
+
+/* A word: the other where mask is all ones, as it was where mask is 0. */
+HYI_INLINE void hyi_put_where(void *at, const void *other, uint32_t mask) {
+    uint32_t word, new_word;
+    memcpy(&word, at, sizeof word);
+    memcpy(&new_word, other, sizeof new_word);
+    word ^= (word ^ new_word) & mask;
+    memcpy(at, &word, sizeof word);
+}
+
+/* Puts a hit off that is nearer than all before, from t least on; any: the ray is done then. mask: all ones; 0: leaves the flight as
+   it was, without a branch. */
+HYI_INLINE void hyi_put_off(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any, uint32_t mask) {
+    float limit = any ? -FLT_MAX : most + 4.0f * HYI_ULP * fabsf(most);
+    hyi_put_where(&flight->aim.leaf, &leaf, mask);
+    hyi_put_where(&flight->aim.lane, &lane, mask);
+    hyi_put_where(&flight->aim.least_t, &least, mask);
+    hyi_put_where(&flight->aim.t_far, &limit, mask);
+    if (any) hyi_put_where(&flight->best.instance, &site->instance, mask);
 }
 
 /* Makes every box and triangle lie beyond a ray that is done. */
@@ -9631,10 +9663,12 @@ HYI_INLINE void hyi_answer_miss(hyk_hit *hit) {
 
 /* ---- for the caller */
 
-/* Squares of products of floats stay in double's range, so nothing has to be scaled. */
+/* Squares of products of floats stay in double's range, so nothing has to be scaled. Component by component: a vector of two
+   would wait until both have left for memory, where they have just been written one by one. */
 HYI_INLINE hyk_vec3 hyi_unit_of(const double n[3]) {
-    double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(n[0], n[0], n[1], n[1], n[2], n[2])));
-    return hyk_make3((float)(n[0] * inverse), (float)(n[1] * inverse), (float)(n[2] * inverse));
+    double x = hyi_rounded_double(n[0]), y = hyi_rounded_double(n[1]), z = hyi_rounded_double(n[2]);
+    double inverse = hyi_rounded_double(1.0 / sqrt(hyi_sum_products(x, x, y, y, z, z)));
+    return hyk_make3((float)(x * inverse), (float)(y * inverse), (float)(z * inverse));
 }
 
 /* Of a triangle whose corners' coordinates lie stride floats apart. */
@@ -9686,18 +9720,6 @@ HYI_INLINE void hyi_tell_surface(const hyi_accel *accel, hyk_hit hit, hyk_vec3 n
     out->normal[0] = n.x;
     out->normal[1] = n.y;
     out->normal[2] = n.z;
-}
-
-/* A second answer of a ray that met the same triangle elsewhere. Word by word: a copy would wait for the first one's stores. */
-HYI_INLINE void hyi_tell_alike(const hydra_hit *other, hyk_hit hit, hydra_hit *out) {
-    out->t = hit.t;
-    out->u = hit.u;
-    out->v = hit.v;
-    out->primitive = other->primitive;
-    out->mesh = other->mesh;
-    out->instance = other->instance;
-    out->light = other->light;
-    for (int i = 0; i < 3; i++) out->normal[i] = other->normal[i];
 }
 
 HYI_INLINE void hyi_tell_miss(hydra_hit *out) {
@@ -9773,10 +9795,14 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_CULL_SHARE 6u        /* if fewer than one in so many met something, lists are not looked through for rays to leave out */
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
+#define HYI_MANY_CHILDREN 4u     /* met by the bounds of a packet, make it worth looking at each of its rays */
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
 /* Whether so many rays of a packet meet a leaf of so many triangles sooner one by one: each then meets all of them at once, which
    takes a third longer than it takes all rays to meet one. */
 #define HYI_SOONER_EACH(rays, triangles) (4u * (rays) <= 3u * (triangles))
+
+/* So many rays of a list meet a leaf of so many triangles sooner abreast, one triangle after the other, than one by one. */
+#define HYI_ABREAST_LEAST(triangles) ((triangles) + 3u)
 
 #define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
 #define HYI_LARGE_TREE ((size_t)96 << 20)
@@ -9812,7 +9838,7 @@ typedef struct hyi_packet {
     float first_t, last_t;
     uint32_t spread;                     /* 1: they begin at different points, and bounds of all say little of each */
     uint32_t live, group;                /* bits of the lanes with a ray; what their directions have in common: see hyi_aim_group */
-    float shear_low[2], shear_high[2];
+    float shear_middle[2], shear_half[2]; /* of all rays, and the most by which they are off it */
     uint32_t unused[6];                 /* fills the last cache line: vectors of rays lie in one each */
 } hyi_packet;
 HYI_STATIC_ASSERT(sizeof(hyi_packet) % 64u == 0);
@@ -9876,6 +9902,21 @@ HYI_INLINE void hyi_lines(const void *const rows[16], char *lines, uint32_t rays
             memcpy(lines + i * sizeof(hyi_flight) + 4u * word, (const char *)rows[word] + 4u * i, 4);
 }
 
+/* One answer, told or for the renderer, and its words. */
+typedef union hyi_record {
+    hydra_hit told;
+    hyk_hit hit;
+    float words[10];
+} hyi_record;
+#define HYI_WORDS_OF(type) ((uint32_t)(sizeof(type) / sizeof(float)))
+#define HYI_RECORD_WORDS HYI_WORDS_OF(hyi_record)
+
+/* Records of so many words each, one after the other, from rows of one word of all. */
+HYI_INLINE void hyi_records(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++)
+        for (uint32_t word = 0; word < words; word++) memcpy(out + sizeof(float) * (words * i + word), &rows[word][i], sizeof(float));
+}
+
 /* Of eight items, which children each meets. */
 typedef union hyi_masks8 {
     uint8_t bytes[8];
@@ -9928,10 +9969,10 @@ HYI_INLINE uint32_t hyi_count_bits(uint32_t bits) {
 /* Of the lanes of a vector. */
 HYI_INLINE uint32_t hyi_count_lanes(uint32_t bits) { return hyi_count_bits(bits & 0xffu) + hyi_count_bits(bits >> 8); }
 
-/* What a child will read first. */
-HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
-    const char *at = hyi_child_is_leaf(child) ? (const char *)hyi_leaf_rows(bvh, child) : (const char *)&bvh->nodes[child];
-    for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
+/* What boxes and triangles need of a ray. */
+HYI_INLINE void hyi_prefetch_flight(const hyi_flight *flight) {
+    hyi_prefetch(&flight->aim);
+    hyi_prefetch(flight->aim.origin);
 }
 
 /* t of a ray of a packet at a triangle that it hits, where vectors do not decide: by hyi_confirm. */
@@ -10191,8 +10232,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain.
+   straight: they are judged even if none is possible: for rays of lists that would be guessed wrong too often. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact, bool straight) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
@@ -10204,21 +10246,19 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
+    if (!exact && (straight || verdicts.possible))
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
-/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
-    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+/* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
+HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+    bool found = false;
+    for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        if (verdicts.certain >> lane & 1u) {
-            if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
+        if (verdicts->certain >> lane & 1u) {
+            if (verdicts->least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -10227,19 +10267,25 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
     return found;
 }
 
+/* Offers a leaf's triangles to a ray. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact, false);
+    return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
+}
+
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
-        uint32_t lane = hyi_lowest_bit(mask);
-        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
-        else (void)hyi_decide(site, flight, leaf, lane);
-    }
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
+    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
-/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
+   children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -10253,7 +10299,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
+            hyi_waiting *waiting = top;
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+            if (any) continue;
+            hyi_prefetch_child(site->bvh, at);
+            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
@@ -10263,8 +10313,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -10288,15 +10338,14 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
                 uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
-                top->child = nearest;
-                top++->t = -FLT_MAX;
+                *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -10363,10 +10412,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_F8
 #undef HYI_FD
 #undef HYI_FLIGHT_BEGIN
+#undef HYI_FOUR_WORDS
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
-#undef HYI_HALFD
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
@@ -10380,6 +10429,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
 #undef HYI_LOADD
+#undef HYI_LOADH
 #undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
@@ -10431,6 +10481,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_RECORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
 #undef HYI_SIZE8
@@ -10447,6 +10498,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_SUBD
 #undef HYI_SUBW
 #undef HYI_TARGET
+#undef HYI_TURN4
 #undef HYI_ZERO8
 #undef HYI_ZEROW
 
@@ -10584,6 +10636,21 @@ HYI_INLINE HYI_AVX2 void hyi_ray_words_avx2(const hyk_ray *rays, float words[8][
     }
 }
 
+/* Four successive words of each of eight rays, as rows of one word of all: four by four in each half. */
+HYI_INLINE HYI_AVX2 void hyi_four_words_avx2(const char *const at[8], size_t offset, __m256 rows[4]) {
+    __m256 a[4];
+    for (uint32_t k = 0; k < 4u; k++) {
+        a[k] = _mm256_castps128_ps256(_mm_loadu_ps((const float *)(const void *)(at[k] + offset)));
+        a[k] = _mm256_insertf128_ps(a[k], _mm_loadu_ps((const float *)(const void *)(at[4u + k] + offset)), 1);
+    }
+    __m256 low01 = _mm256_unpacklo_ps(a[0], a[1]), high01 = _mm256_unpackhi_ps(a[0], a[1]);
+    __m256 low23 = _mm256_unpacklo_ps(a[2], a[3]), high23 = _mm256_unpackhi_ps(a[2], a[3]);
+    rows[0] = _mm256_shuffle_ps(low01, low23, 0x44);
+    rows[1] = _mm256_shuffle_ps(low01, low23, 0xee);
+    rows[2] = _mm256_shuffle_ps(high01, high23, 0x44);
+    rows[3] = _mm256_shuffle_ps(high01, high23, 0xee);
+}
+
 /* hyi_lines: two transpositions of eight by eight, in three steps each. */
 HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines) {
     for (int side = 0; side < 2; side++) {
@@ -10636,7 +10703,9 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_MIN8_WHERE(a, m, b) _mm256_blendv_ps(a, _mm256_min_ps(a, b), m)
 #define HYI_PIN8(a) hyi_pin8_avx2(a)
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words_avx2(rays, words)
+#define HYI_RECORDS(rows, words, out) HYI_I(hyi_records_four)(rows, words, out)
 #define HYI_LINES(rows, lines) hyi_lines_avx2(rows, lines)
+#define HYI_FOUR_WORDS(at, offset, rows) hyi_four_words_avx2(at, offset, rows)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW __m256
@@ -10667,7 +10736,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_LEASTW(a) (-hyi_greatest_avx2(_mm256_sub_ps(_mm256_setzero_ps(), a)))
 #define HYI_FD __m256d
 #define HYI_SETD(value) _mm256_set1_pd(value)
-#define HYI_HALFD(a, half) _mm256_cvtps_pd((half) ? _mm256_extractf128_ps(a, 1) : _mm256_castps256_ps128(a))
+#define HYI_LOADH(p, half) _mm256_cvtps_pd(_mm_loadu_ps((p) + 4 * (half)))
 #define HYI_LOADD(p) _mm256_loadu_pd(p)
 #define HYI_STORED(p, a) _mm256_storeu_pd(p, a)
 #define HYI_STOREH(p, half, a) _mm_storeu_ps((p) + 4 * (half), _mm256_cvtpd_ps(a))
@@ -10693,6 +10762,25 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+
+/* hyi_records of eight: four words of four lanes at a time, transposed. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_records_four)(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out) {
+    uint32_t last = words & ~3u;
+    for (uint32_t i = 0; i < 8u; i += 4u) {
+        for (uint32_t word = 0; word < last; word += 4u) {
+            __m128 a = _mm_loadu_ps(rows[word] + i), b = _mm_loadu_ps(rows[word + 1u] + i);
+            __m128 c = _mm_loadu_ps(rows[word + 2u] + i), d = _mm_loadu_ps(rows[word + 3u] + i);
+            float *at = (float *)(void *)out + words * i + word;
+            _MM_TRANSPOSE4_PS(a, b, c, d);
+            _mm_storeu_ps(at, a);
+            _mm_storeu_ps(at + words, b);
+            _mm_storeu_ps(at + 2u * words, c);
+            _mm_storeu_ps(at + 3u * words, d);
+        }
+        for (uint32_t k = i; k < i + 4u; k++)
+            for (uint32_t word = last; word < words; word++) memcpy(out + sizeof(float) * (words * k + word), &rows[word][k], sizeof(float));
+    }
+}
 /* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
    words: HYI_F4 is four floats) */
 
@@ -10885,8 +10973,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain.
+   straight: they are judged even if none is possible: for rays of lists that would be guessed wrong too often. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact, bool straight) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
@@ -10898,21 +10987,19 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
+    if (!exact && (straight || verdicts.possible))
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
-/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
-    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+/* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
+HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+    bool found = false;
+    for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        if (verdicts.certain >> lane & 1u) {
-            if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
+        if (verdicts->certain >> lane & 1u) {
+            if (verdicts->least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -10921,19 +11008,25 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
     return found;
 }
 
+/* Offers a leaf's triangles to a ray. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact, false);
+    return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
+}
+
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
-        uint32_t lane = hyi_lowest_bit(mask);
-        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
-        else (void)hyi_decide(site, flight, leaf, lane);
-    }
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
+    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
-/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
+   children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -10947,7 +11040,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
+            hyi_waiting *waiting = top;
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+            if (any) continue;
+            hyi_prefetch_child(site->bvh, at);
+            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
@@ -10957,8 +11054,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -10982,15 +11079,14 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
                 uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
-                top->child = nearest;
-                top++->t = -FLT_MAX;
+                *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -11116,10 +11212,9 @@ typedef struct HYI_I(hyi_meeting) {
     uint32_t possible;
 } HYI_I(hyi_meeting);
 
-/* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
-    HYI_I(hyi_corner_all) *k = m->corners;
-    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, k);
+/* From its sheared corners on: the same test as of one ray and eight triangles. Returns the lanes that certainly miss it. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_corners_all)(const hyi_packet *packet, HYI_I(hyi_meeting) *m) {
+    const HYI_I(hyi_corner_all) *k = m->corners;
     m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
     m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
     m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
@@ -11130,7 +11225,15 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, 
     m->first = HYI_MINW(HYI_MINW(m->t[0], m->t[1]), m->t[2]);
     m->last = HYI_MAXW(HYI_MAXW(m->t[0], m->t[1]), m->t[2]);
     HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), m->first), early = HYI_LTW(m->last, HYI_LOADW(packet->t_near));
-    m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
+    HYI_MW misses = HYI_ORW(outside, HYI_ORW(late, early));
+    m->possible = ~HYI_BITSW(misses) & HYI_ALLW;
+    return misses;
+}
+
+/* Triangle number triangle of a leaf. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, m->corners);
+    (void)HYI_I(hyi_meet_corners_all)(packet, m);
 }
 
 /* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
@@ -11159,6 +11262,17 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const 
     verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
 
+/* Corners in the sheared frames as hyi_confirm reads them: floats become doubles on their way from memory for less than out of
+   halves of registers. */
+typedef struct HYI_I(hyi_sheared) {
+    float x[3][HYI_PACKET_WIDTH], y[3][HYI_PACKET_WIDTH];
+} HYI_I(hyi_sheared);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_corner)(HYI_I(hyi_sheared) *corners, int k, HYI_I(hyi_corner_all) corner) {
+    HYI_STOREW(corners->x[k], corner.x);
+    HYI_STOREW(corners->y[k], corner.y);
+}
+
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
 HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, HYI_FD qx, HYI_FD qy) {
     return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
@@ -11181,14 +11295,14 @@ typedef struct HYI_I(hyi_outcome_half) {
     uint32_t doubtful;   /* of those whose t hyi_confirm has to settle */
 } HYI_I(hyi_outcome_half);
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_sheared) *corners,
                                                    const HYI_I(hyi_plane_half) *plane, int half, HYI_I(hyi_outcome_half) *outcome) {
-    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_HALFD(HYI_LOADW(packet->origin[2]), half);
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_LOADH(packet->origin[2], half);
     for (int i = 0; i < 3; i++) {
-        x[i] = HYI_HALFD(corners[i].x, half);
-        y[i] = HYI_HALFD(corners[i].y, half);
-        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
-        direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
+        x[i] = HYI_LOADH(corners->x[i], half);
+        y[i] = HYI_LOADH(corners->y[i], half);
+        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_LOADH(packet->origin[i], half)));
+        direction[i] = HYI_LOADH(packet->direction[i], half);
     }
     HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
     HYI_FD b = HYI_I(hyi_cross_exact_half)(x[0], y[0], x[2], y[2]);
@@ -11262,16 +11376,18 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 /* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
     HYI_I(hyi_corner_all) corners[3];
+    HYI_I(hyi_sheared) sheared;
     HYI_I(hyi_plane_half) plane;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
     HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, corners);
+    for (int k = 0; k < 3; k++) HYI_I(hyi_store_corner)(&sheared, k, corners[k]);
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_outcome_half) outcome;
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
         if (!some) continue;
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_I(hyi_confirm_half)(packet, &sheared, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         for (uint32_t left = some & outcome.doubtful; left; left &= left - 1u) {
             uint32_t lane = base + hyi_lowest_bit(left);
@@ -11360,25 +11476,75 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
 }
 
-/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit: those whose corners do not lie all
-   on one side of all rays along an axis of the sheared frames. Rounding is monotone, so what is greater for all rays before
-   it is not less after. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+/* ---- a leaf's triangles, all at once, to all rays of a packet that begin at one point */
+
+/* Where the middle ray of a packet sees a leaf's triangles, and how far off it others may see them. */
+typedef struct HYI_I(hyi_outlook) {
+    HYI_I(hyi_corners) k[3];
+    HYI_F8 half[2];       /* by which shears differ from the middle one */
+    HYI_F8 slack, margin; /* more than rounding makes of x or y, and of an edge function */
+} HYI_I(hyi_outlook);
+
+/* For another ray a corner's x, for one, is off that of the middle ray by up to half |z|. With that in across, what is worked out
+   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf, HYI_I(hyi_outlook) *out) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf);
-    HYI_F8 low[2], high[2], zero = HYI_ZERO8();
-    for (uint32_t k = 0; k < 3u; k++) {
-        HYI_F8 z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[2]) * count), HYI_SET8(p->origin[2][0])));
-        for (uint32_t a = 0; a < 2u; a++) {
-            HYI_F8 d = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[a]) * count), HYI_SET8(p->origin[a][0])));
-            HYI_F8 one = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_low[a]), z)), other = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_high[a]), z));
-            HYI_F8 least = HYI_SUB8(d, HYI_MAX8(one, other)), most = HYI_SUB8(d, HYI_MIN8(one, other));
-            low[a] = k ? HYI_MIN8(low[a], least) : least;
-            high[a] = k ? HYI_MAX8(high[a], most) : most;
+    HYI_F8 across = HYI_ZERO8(), along = across, shear_x = HYI_SET8(-p->shear_middle[0]), shear_y = HYI_SET8(-p->shear_middle[1]);
+    for (uint32_t i = 0; i < 3u; i++) {
+        const float *row = rows + 3u * i * count;
+        HYI_F8 z = HYI_SUB8(HYI_LOADU8(row + swarm->axis[2] * count), HYI_SET8(p->origin[2][0]));
+        HYI_F8 x = HYI_MAD8(shear_x, z, HYI_SUB8(HYI_LOADU8(row + swarm->axis[0] * count), HYI_SET8(p->origin[0][0])));
+        HYI_F8 y = HYI_MAD8(shear_y, z, HYI_SUB8(HYI_LOADU8(row + swarm->axis[1] * count), HYI_SET8(p->origin[1][0])));
+        across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(x), HYI_SIZE8(y)));
+        along = HYI_MAX8(along, HYI_SIZE8(z));
+        out->k[i].x = x;
+        out->k[i].y = y;
+        out->k[i].z = z;
+    }
+    for (int a = 0; a < 2; a++) out->half[a] = HYI_SET8(p->shear_half[a]);
+    across = HYI_MAD8(HYI_MAX8(out->half[0], out->half[1]), along, across);
+    out->slack = HYI_MUL8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along));
+    out->margin = HYI_MAD8(across, out->slack, HYI_SET8(HYI_EDGE_LEAST));
+}
+
+/* Those of which one edge function is above zero for all rays, and one below. They are linear in the shears. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_beside_edges)(const HYI_I(hyi_outlook) *out) {
+    HYI_F8 zero = HYI_ZERO8();
+    HYI_M8 above = HYI_LT8(zero, zero), below = above;
+    for (int i = 0; i < 3; i++) {
+        const HYI_I(hyi_corners) *p = &out->k[(i + 2) % 3], *q = &out->k[(i + 1) % 3];
+        HYI_F8 w = HYI_SUB8(HYI_MUL8(p->x, q->y), HYI_MUL8(p->y, q->x));
+        HYI_F8 by_x = HYI_SIZE8(HYI_SUB8(HYI_MUL8(p->y, q->z), HYI_MUL8(p->z, q->y)));
+        HYI_F8 by_y = HYI_SIZE8(HYI_SUB8(HYI_MUL8(p->z, q->x), HYI_MUL8(p->x, q->z)));
+        HYI_F8 range = HYI_MAD8(out->half[0], by_x, HYI_MAD8(out->half[1], by_y, out->margin));
+        above = HYI_OR8(above, HYI_LT8(range, w));
+        below = HYI_OR8(below, HYI_LT8(w, HYI_SUB8(zero, range)));
+    }
+    return HYI_AND8(above, below);
+}
+
+/* Those whose corners lie all on one side of all rays along x, or along y. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_beside_corners)(const HYI_I(hyi_outlook) *out) {
+    HYI_F8 low[2], high[2], back = HYI_SUB8(HYI_ZERO8(), out->slack);
+    for (int i = 0; i < 3; i++) {
+        HYI_F8 z = HYI_SIZE8(out->k[i].z);
+        for (int a = 0; a < 2; a++) {
+            HYI_F8 at = a ? out->k[i].y : out->k[i].x, off = HYI_MUL8(out->half[a], z), least = HYI_SUB8(at, off), most = HYI_ADD8(at, off);
+            low[a] = i ? HYI_MIN8(low[a], least) : least;
+            high[a] = i ? HYI_MAX8(high[a], most) : most;
         }
     }
-    HYI_M8 beside = HYI_OR8(HYI_OR8(HYI_LT8(zero, low[0]), HYI_LT8(high[0], zero)), HYI_OR8(HYI_LT8(zero, low[1]), HYI_LT8(high[1], zero)));
-    return ~HYI_BITS8(beside) & ((1u << count) - 1u);
+    HYI_M8 after = HYI_OR8(HYI_LT8(out->slack, low[0]), HYI_LT8(out->slack, low[1]));
+    return HYI_OR8(after, HYI_OR8(HYI_LT8(high[0], back), HYI_LT8(high[1], back)));
+}
+
+/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+    HYI_I(hyi_outlook) out;
+    HYI_I(hyi_look_out)(swarm, p, leaf, &out);
+    HYI_M8 beside = HYI_OR8(HYI_I(hyi_beside_edges)(&out), HYI_I(hyi_beside_corners)(&out));
+    return ~HYI_BITS8(beside) & ((1u << hyi_leaf_count(leaf)) - 1u);
 }
 
 /* A ray of a packet as leaves see it. */
@@ -11413,7 +11579,7 @@ HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packe
 /* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false, false);
     bool found = false;
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t triangle = hyi_lowest_bit(mask);
@@ -11444,15 +11610,33 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* node, c: where the leaf hangs; NULL: nowhere. */
+/* Packets of a list some of whose rays meet the box of a leaf, and bits of these. */
+typedef struct HYI_I(hyi_visitors) {
+    uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
+    uint32_t count;
+} HYI_I(hyi_visitors);
+
+/* node, c: where the leaf hangs; NULL: nowhere. Without a branch: it would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c,
+                                              HYI_I(hyi_visitors) *visitors) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[list[i]], node, c) : HYI_ALLW;
+        visitors->packets[kept] = list[i];
+        visitors->rays[kept] = rays;
+        kept += rays ? 1u : 0u;
+    }
+    visitors->count = kept;
+}
+
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_packet *packet = &swarm->packets[list[i]];
+    HYI_I(hyi_visitors) visitors;
+    HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
+    for (uint32_t i = 0; i < visitors.count; i++) {
+        hyi_packet *packet = &swarm->packets[visitors.packets[i]];
+        uint32_t mask = visitors.rays[i];
         bool found = false;
-        if (packet->last_t < packet->first_t) continue;
-        uint32_t mask = node ? HYI_I(hyi_meet_box_each)(swarm, packet, node, c) : HYI_ALLW;
-        if (!mask) continue;
         if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
             for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
         } else {
@@ -11483,9 +11667,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
-        packet->shear_low[a] = HYI_LEASTW(shear);
-        packet->shear_high[a] = HYI_GREATESTW(shear);
-        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
+        float least = HYI_LEASTW(shear), greatest = HYI_GREATESTW(shear), middle = 0.5f * (least + greatest);
+        packet->shear_middle[a] = middle;
+        packet->shear_half[a] = greatest - middle > middle - least ? greatest - middle : middle - least;
+        if (!(greatest - least <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
         low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
@@ -11574,8 +11759,8 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_turn)(const HYI_I(hyi_block) *block, cons
 /* hyi_aim_shear for all lanes. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
     for (int half = 0; half < 2; half++) {
-        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
-        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_LOADH(packet->direction[2], half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_LOADH(packet->direction[i], half), t_by_z));
         HYI_STOREH(packet->inverse_z, half, t_by_z);
         HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
     }
@@ -11760,11 +11945,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     blank.best.instance = blank.best.primitive = HYK_NONE;
     HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
     HYI_I(hyi_name_axes)(block, plane, axis);
-    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
-                             p->t_near, p->t_far, plane[0], plane[1], plane[2], p->inverse_z, p->best_t};
+    const void *boxes[16] = {plane[0], plane[1], plane[2], inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2],
+                             far_offset[0], far_offset[1], far_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
     const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
                                  p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
-    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.near_plane));
     HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];
@@ -11817,7 +12002,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
 
 /* The triangles that a packet found, and who found each. */
 typedef struct HYI_I(hyi_finds) {
-    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    HYI_MW same[HYI_PACKET_WIDTH];       /* the lanes that found the same one */
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* their bits */
     uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
     uint32_t count;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
@@ -11825,51 +12011,65 @@ typedef struct HYI_I(hyi_finds) {
 
 /* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
    in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, HYI_FW rows[9]) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, float rows[9][HYI_PACKET_WIDTH]) {
+    HYI_I(hyi_corner_all) at[3];
     HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (int i = 0; i < 3; i++) at[i].x = at[i].y = at[i].z = HYI_ZEROW();
     while (left) {
         uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
         const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
         uint32_t count = hyi_leaf_count(leaf);
-        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+        for (uint32_t i = 0; i < 3u; i++) {
+            at[i].x = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[0]) * count]), at[i].x);
+            at[i].y = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[1]) * count]), at[i].y);
+            at[i].z = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[2]) * count]), at[i].z);
+        }
+        finds->same[k] = same;
         finds->lanes[k] = HYI_BITSW(same);
         finds->leaf[k] = leaf;
         finds->triangle[k] = triangle;
         finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
         left &= ~finds->lanes[k];
     }
+    for (int i = 0; i < 3; i++) {
+        HYI_STOREW(rows[3 * i], at[i].x);
+        HYI_STOREW(rows[3 * i + 1], at[i].y);
+        HYI_STOREW(rows[3 * i + 2], at[i].z);
+    }
 }
 
 /* The planes of as many triangles as there are lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(float rows[9][HYI_PACKET_WIDTH], int half, HYI_I(hyi_plane_half) *plane) {
     HYI_FD e[3], f[3];
     for (int i = 0; i < 3; i++) {
-        plane->corner[i] = HYI_HALFD(rows[i], half);
-        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
-        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+        plane->corner[i] = HYI_LOADH(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_LOADH(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_LOADH(rows[i + 6], half), plane->corner[i]));
     }
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3, k = (i + 2) % 3;
         plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
     }
-    plane->z[0] = HYI_HALFD(rows[5], half);
-    plane->z[1] = HYI_HALFD(rows[8], half);
+    plane->z[0] = HYI_LOADH(rows[5], half);
+    plane->z[1] = HYI_LOADH(rows[8], half);
 }
 
 /* hyi_confirm for all lanes of a packet, each with its own triangle. Returns bits of those whose t it has to settle itself. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
-    HYI_I(hyi_corner_all) corners[3];
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, float rows[9][HYI_PACKET_WIDTH], float *t, float *u, float *v) {
+    HYI_I(hyi_sheared) corners;
     uint32_t doubtful = 0;
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int k = 0; k < 3; k++) {
+        HYI_FW x = HYI_LOADW(rows[3 * k]), y = HYI_LOADW(rows[3 * k + 1]), z = HYI_LOADW(rows[3 * k + 2]);
+        HYI_I(hyi_store_corner)(&corners, k, HYI_I(hyi_shear_lanes)(packet, x, y, z));
+    }
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
         HYI_I(hyi_outcome_half) outcome;
         HYI_I(hyi_planes_half)(rows, half, &plane);
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_I(hyi_confirm_half)(packet, &corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         HYI_I(hyi_store_weights)(&outcome, half, u, v);
         doubtful |= outcome.doubtful << (uint32_t)half * (HYI_LANES / 2u);
@@ -11879,7 +12079,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet,
 
 /* Works out all hits of a packet. */
 HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW rows[9];
+    float rows[9][HYI_PACKET_WIDTH];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
     HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
@@ -11926,11 +12126,9 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
 /* hyi_settle of all. */
 HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, const HYI_I(hyi_put_off) *some) {
     float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
-    HYI_FW rows[9];
     hyi_packet packet;
     for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
-    for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
-    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
+    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, at, t, u, v);
     for (uint32_t i = 0; i < some->count; i++) {
         if (doubtful >> i & 1u) hyi_settle(site, some->flights[i]);
         else HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
@@ -11968,43 +12166,57 @@ HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *oc
     }
 }
 
-HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = packet->live;
-    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
-    for (; left; left &= left - 1u) {
-        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
-        if (answers->told) hyi_tell_miss(&answers->told[ray]);
-        else hyi_answer_miss(&answers->hits[ray]);
-    }
-}
-
-/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+/* What the rays of one find have in common. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_record_find)(const hyi_swarm *swarm, const HYI_I(hyi_finds) *finds, uint32_t f, bool told, hyi_record *record) {
     const hyi_accel *accel = swarm->site.accel;
     hyk_hit hit;
-    hydra_hit told;
-    hyi_tell_miss(&told);
     hit.t = hit.u = hit.v = 0.0f;
     hit.instance = swarm->site.instance;
     hit.primitive = finds->primitive[f];
     hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
-    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
-    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
-        hit.t = finds->t[lane];
-        hit.u = finds->u[lane];
-        hit.v = finds->v[lane];
-        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
-        else answers->hits[ray] = hit;
+    if (told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &record->told);
+    else record->hit = hit;
+}
+
+/* Answers of all lanes, a row of each of their words. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_record_all)(const hyi_swarm *swarm, const HYI_I(hyi_finds) *finds, bool told, uint32_t words,
+                                                 float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH]) {
+    hyi_record record;
+    HYI_FW row[HYI_RECORD_WORDS];
+    if (told) hyi_tell_miss(&record.told);
+    else hyi_answer_miss(&record.hit);
+    for (uint32_t w = 0; w < words; w++) row[w] = HYI_SETW(record.words[w]);
+    for (uint32_t f = 0; f < finds->count; f++) {
+        HYI_MW same = finds->same[f];
+        HYI_I(hyi_record_find)(swarm, finds, f, told, &record);
+        row[0] = HYI_CHOOSEW(same, HYI_LOADW(finds->t), row[0]);
+        row[1] = HYI_CHOOSEW(same, HYI_LOADW(finds->u), row[1]);
+        row[2] = HYI_CHOOSEW(same, HYI_LOADW(finds->v), row[2]);
+        for (uint32_t w = 3; w < words; w++) row[w] = HYI_CHOOSEW(same, HYI_SETW(record.words[w]), row[w]);
     }
+    for (uint32_t w = 0; w < words; w++) HYI_STOREW(rows[w], row[w]);
+}
+
+/* Answers of so many words each, to those of HYI_LANES rays that live. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_records)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                     bool told, uint32_t words, char *out) {
+    float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH];
+    char all[HYI_PACKET_WIDTH * sizeof(hyi_record)];
+    size_t size = words * sizeof(float);
+    HYI_I(hyi_record_all)(swarm, finds, told, words, rows);
+    if (packet->live == HYI_ALLW) {
+        HYI_RECORDS(rows, words, out);
+        return;
+    }
+    HYI_RECORDS(rows, words, all);
+    for (uint32_t left = packet->live; left; left &= left - 1u) memcpy(out + hyi_lowest_bit(left) * size, all + hyi_lowest_bit(left) * size, size);
 }
 
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
-    hyi_answers to = *answers;
     HYI_I(hyi_finds) finds;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
-    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
+    if (answers->told) HYI_I(hyi_unpack_records)(swarm, packet, &finds, true, HYI_WORDS_OF(hydra_hit), (char *)&answers->told[packet->ray[0]]);
+    else HYI_I(hyi_unpack_records)(swarm, packet, &finds, false, HYI_WORDS_OF(hyk_hit), (char *)&answers->hits[packet->ray[0]]);
 }
 
 /* Answers the rays of count packets. */
@@ -12033,13 +12245,210 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
         }
     }
 }
+/* ---- a list of flights at a leaf (expanded once for each instruction set)
+
+   Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
+   may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
+   once, one after the other, and without a branch: most would be guessed wrong, and what comes next would wait. */
+
+/* ---- many */
+
+/* Flights side by side: what triangles need of them, where packets keep it. */
+typedef struct HYI_I(hyi_abreast) {
+    hyi_packet rays;
+    hyi_flight *flights[HYI_PACKET_WIDTH];
+    HYI_I(hyi_block) turn; /* its y and z */
+    uint32_t live;         /* bits of the lanes with a flight */
+} HYI_I(hyi_abreast);
+
+/* Flights by their numbers; lanes beyond the last repeat the first. false: float tells nothing of some. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_abreast)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, HYI_I(hyi_abreast) *abreast) {
+    const char *at[HYI_LANES];
+    HYI_FW limits[4], start[4], frame[4];
+    hyi_packet *rays = &abreast->rays;
+    uint32_t exact = 0;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &swarm->flights[list[i < count ? i : 0u]];
+        abreast->flights[i] = flight;
+        at[i] = (const char *)flight;
+        exact |= flight->aim.exact;
+    }
+    if (exact) return false;
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.t_near), limits);
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.origin), start);
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.shear[1]), frame);
+    HYI_STOREW(rays->t_near, limits[0]);
+    HYI_STOREW(rays->t_far, limits[1]);
+    HYI_STOREW(rays->inverse_z, limits[2]);
+    HYI_STOREW(rays->least_t, limits[3]);
+    for (uint32_t k = 0; k < 3; k++) HYI_STOREW(rays->origin[k], start[k]);
+    HYI_STOREW(rays->shear[0], start[3]);
+    HYI_STOREW(rays->shear[1], frame[0]);
+    HYI_STOREW(rays->direction[2], HYI_DIVW(HYI_SETW(1.0f), limits[2])); /* a rounding off: bounds of errors are all it is for */
+    abreast->turn.y = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(1));
+    abreast->turn.z = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(2));
+    abreast->live = HYI_ALLW >> (HYI_LANES - count);
+    return true;
+}
+
+/* A triangle for each lane that may hit one: the one that it is judged by next. */
+typedef struct HYI_I(hyi_held) {
+    HYI_I(hyi_meeting) m; /* possible: the lanes that hold one */
+    HYI_FW triangle;
+} HYI_I(hyi_held);
+
+/* Where a lane may hit the triangle it met last, it holds that. misses: all other lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_hold)(HYI_I(hyi_held) *held, const HYI_I(hyi_meeting) *last, HYI_MW misses, uint32_t triangle) {
+    HYI_I(hyi_meeting) *m = &held->m;
+    for (uint32_t i = 0; i < 3; i++) {
+        m->corners[i].x = HYI_CHOOSEW(misses, m->corners[i].x, last->corners[i].x);
+        m->corners[i].y = HYI_CHOOSEW(misses, m->corners[i].y, last->corners[i].y);
+        m->w[i] = HYI_CHOOSEW(misses, m->w[i], last->w[i]);
+        m->t[i] = HYI_CHOOSEW(misses, m->t[i], last->t[i]);
+    }
+    m->least_w = HYI_CHOOSEW(misses, m->least_w, last->least_w);
+    m->most_w = HYI_CHOOSEW(misses, m->most_w, last->most_w);
+    m->first = HYI_CHOOSEW(misses, m->first, last->first);
+    m->last = HYI_CHOOSEW(misses, m->last, last->last);
+    m->possible |= last->possible;
+    held->triangle = HYI_CHOOSEW(misses, held->triangle, HYI_I(hyi_whole)(triangle));
+}
+
+/* Decides for one lane after the other. Returns the bits of those with a hit. */
+HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const hyi_lane_words *triangle, uint32_t mask) {
+    uint32_t found = 0;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        hyi_flight *flight = abreast->flights[lane];
+        if (!hyi_offer(&swarm->site, flight, leaf, triangle->word[lane])) continue;
+        if (swarm->any) hyi_flight_stop(flight);
+        abreast->rays.t_far[lane] = flight->aim.t_far;
+        abreast->rays.least_t[lane] = flight->aim.least_t;
+        found |= 1u << lane;
+    }
+    return found;
+}
+
+/* Judges the triangles held: hits that are nearer for certain than all before are put off, and what float cannot tell is decided.
+   Returns the bits of the lanes with a hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const HYI_I(hyi_held) *held, bool any) {
+    hyi_packet *rays = &abreast->rays;
+    HYI_I(hyi_verdict_all) verdict;
+    hyi_lane_words triangle;
+    float most[HYI_PACKET_WIDTH];
+    HYI_I(hyi_judge_all)(rays, &held->m, &verdict);
+    uint32_t left = held->m.possible & ~verdict.missed;
+    if (!left) return 0;
+    HYI_FW limit = HYI_ADDW(verdict.most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(verdict.most)));
+    HYI_MW nearer = HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(rays->least_t)));
+    uint32_t sure = swarm->site.asks_alpha ? 0u : left & HYI_BITSW(nearer);
+    HYI_STOREW(triangle.bits, held->triangle);
+    if (sure) {
+        HYI_STOREW(most, verdict.most);
+        HYI_STOREW(rays->least_t, HYI_CHOOSEW(nearer, verdict.least, HYI_LOADW(rays->least_t)));
+        HYI_STOREW(rays->t_far, HYI_CHOOSEW(nearer, any ? HYI_SETW(-FLT_MAX) : limit, HYI_LOADW(rays->t_far)));
+    }
+    for (uint32_t mask = sure; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        hyi_put_off(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any, ~0u);
+    }
+    return left == sure ? sure : sure | HYI_I(hyi_offer_to_lanes)(swarm, abreast, leaf, &triangle, left & ~sure);
+}
+
+/* Triangle number triangle of a leaf to all lanes; returns those that certainly miss it. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const float *rows, uint32_t count, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    for (uint32_t k = 0; k < 3; k++) {
+        const float *row = rows + 3u * k * count + triangle;
+        const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[count]), HYI_SETW(row[2u * count])};
+        HYI_FW x = HYI_I(hyi_turn)(&abreast->turn, v, 0), y = HYI_I(hyi_turn)(&abreast->turn, v, 1), z = HYI_I(hyi_turn)(&abreast->turn, v, 2);
+        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, x, y, z);
+    }
+    HYI_MW misses = HYI_I(hyi_meet_corners_all)(&abreast->rays, m);
+    m->possible &= abreast->live;
+    return misses;
+}
+
+/* Offers a leaf's triangles, one after the other, to all lanes. Few lanes may hit any one of them, so these are judged together.
+   Returns how many have a hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t count = hyi_leaf_count(leaf), found = 0;
+    HYI_I(hyi_held) held;
+    (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, 0, &held.m);
+    held.triangle = HYI_I(hyi_whole)(0);
+    for (uint32_t triangle = 1; triangle < count; triangle++) {
+        HYI_I(hyi_meeting) m;
+        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
+        if (!m.possible) continue;
+        if (m.possible & held.m.possible) {
+            found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
+            held.m.possible = 0;
+        }
+        HYI_I(hyi_hold)(&held, &m, misses, triangle);
+    }
+    if (held.m.possible) found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
+    return hyi_count_lanes(found);
+}
+
+/* ---- few */
+
+/* hyi_offer_leaf with the most common ends in one: nothing is hit, or one triangle for certain, before all others. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false, true);
+    uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
+    float least = verdicts.least[lane], most = verdicts.most[lane];
+    uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
+    if (HYI_UNLIKELY((possible & (possible - 1u)) | (possible & ~verdicts.certain) | (nearer ^ 1u))) {
+        bool found = HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
+        if (found && any) hyi_flight_stop(flight);
+        return found;
+    }
+    hyi_put_off(site, flight, leaf, lane, least, most, any, possible ? ~0u : 0u);
+    return possible != 0;
+}
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        if (swarm->site.asks_alpha || flight->aim.exact) {
+            bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
+            if (found && swarm->any) hyi_flight_stop(flight);
+            hits += found ? 1u : 0u;
+        } else {
+            hits += HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any) ? 1u : 0u;
+        }
+    }
+    return hits;
+}
+
+/* ---- all */
+
+/* Some flights, at most HYI_LANES. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    HYI_I(hyi_abreast) abreast;
+    if (!HYI_I(hyi_go_abreast)(swarm, list, count, &abreast)) return HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+    return swarm->any ? HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, true) : HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, false);
+}
+
+/* Returns how many rays of a list hit a triangle of a leaf. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
+    for (; count >= enough; list += HYI_LANES) {
+        uint32_t some = count < HYI_LANES ? count : HYI_LANES;
+        hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
+        count -= some;
+    }
+    return hits + HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+}
 /* ---- many rays (expanded once for each instruction set)
 
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
    a list of flights down says how often these met something nearer than before. */
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space);
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
@@ -12082,14 +12491,15 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hy
     HYI_STORE8(nearest, least);
 }
 
-/* The same of packets, which have their near planes in common. */
+/* The same of packets, which have their near planes in common. Those that seem to meet many children, and begin at different points,
+   are looked at by each ray afterwards: a branch in the midst of the others would be taken by chance. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                    uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
     HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += 8u) {
-        uint32_t some = count - first < 8u ? count - first : 8u;
+        uint32_t some = count - first < 8u ? count - first : 8u, unsure[8], doubts = 0;
         hyi_masks8 masks;
         masks.all = 0;
         for (uint32_t i = 0; i < some; i++) {
@@ -12098,8 +12508,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
             HYI_M8 mask = HYI_I(hyi_meet_boxes_all)(packet, &planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
-            if (packet->spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, packet, node, met);
             masks.bytes[i] = (uint8_t)met;
+            unsure[doubts] = i;
+            doubts += packet->spread && hyi_count_bits(met) >= HYI_MANY_CHILDREN ? 1u : 0u;
+        }
+        for (uint32_t k = 0; k < doubts; k++) {
+            uint32_t i = unsure[k];
+            masks.bytes[i] = (uint8_t)HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[list[first + i]], node, masks.bytes[i]);
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
@@ -12142,19 +12557,6 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
         if (hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], some, dealt[c], node, c);
         else HYI_I(hyi_list_visit_packets)(swarm, node->child[c], some, dealt[c], space + HYI_WIDTH * stride);
     }
-}
-
-/* ---- leaves */
-
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &swarm->flights[list[i]];
-        if (!HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any)) continue;
-        if (swarm->any) hyi_flight_stop(flight);
-        hits++;
-    }
-    return hits;
 }
 
 /* ---- instances */
@@ -12427,10 +12829,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_F8
 #undef HYI_FD
 #undef HYI_FLIGHT_BEGIN
+#undef HYI_FOUR_WORDS
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
-#undef HYI_HALFD
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
@@ -12444,6 +12846,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
 #undef HYI_LOADD
+#undef HYI_LOADH
 #undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
@@ -12495,6 +12898,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_RECORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
 #undef HYI_SIZE8
@@ -12511,6 +12915,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SUBD
 #undef HYI_SUBW
 #undef HYI_TARGET
+#undef HYI_TURN4
 #undef HYI_ZERO8
 #undef HYI_ZEROW
 
@@ -12606,45 +13011,31 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
    are broadcast instead of rays, of which there are more, and who enters a child is known in the order of the list. With vectors of
    sixteen the processor's clock fell by a tenth; without masks for a choice between planes there is nothing to gain. */
 
-/* hyi_aim of eight flights from inverse to t_far, and one word more; where each component of the direction is negative. */
+/* hyi_aim of eight flights from inverse to inverse_z; where each component of the direction is negative. */
 typedef struct hyi_slabs_avx512 {
-    __m256 inverse[3], near_offset[3], far_offset[3], t_near, t_far, unused;
+    __m256 words[12];
     __mmask8 falls[3];
 } hyi_slabs_avx512;
 
-/* Of each flight of a list four words from number first on: two flights to a register, two transpositions of four by four at once. */
-HYI_INLINE HYI_AVX512 void hyi_load_columns_avx512(const hyi_flight *flights, const uint32_t list[8], uint32_t first, __m256 *a, __m256 *b, __m256 *c, __m256 *d) {
-    __m256 two[4];
-    for (uint32_t k = 0; k < 4u; k++) {
-        const float *low = flights[list[k]].aim.inverse, *high = flights[list[k + 4u]].aim.inverse;
-        two[k] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(low + first)), _mm_load_ps(high + first), 1);
-    }
-    __m256 low01 = _mm256_unpacklo_ps(two[0], two[1]), high01 = _mm256_unpackhi_ps(two[0], two[1]);
-    __m256 low23 = _mm256_unpacklo_ps(two[2], two[3]), high23 = _mm256_unpackhi_ps(two[2], two[3]);
-    *a = _mm256_shuffle_ps(low01, low23, 0x44);
-    *b = _mm256_shuffle_ps(low01, low23, 0xee);
-    *c = _mm256_shuffle_ps(high01, high23, 0x44);
-    *d = _mm256_shuffle_ps(high01, high23, 0xee);
-}
-
-HYI_STATIC_ASSERT(offsetof(hyi_aim, near_offset) == 12 && offsetof(hyi_aim, far_offset) == 24 && offsetof(hyi_aim, t_near) == 36 &&
-                  offsetof(hyi_aim, t_far) == 40);
+HYI_STATIC_ASSERT(offsetof(hyi_aim, near_offset) - offsetof(hyi_aim, inverse) == 12 && offsetof(hyi_aim, far_offset) - offsetof(hyi_aim, inverse) == 24 &&
+                  offsetof(hyi_aim, t_near) - offsetof(hyi_aim, inverse) == 36 && offsetof(hyi_aim, t_far) - offsetof(hyi_aim, inverse) == 40);
 
 HYI_INLINE HYI_AVX512 void hyi_load_slabs_avx512(const hyi_flight *flights, const uint32_t list[8], hyi_slabs_avx512 *s) {
-    hyi_load_columns_avx512(flights, list, 0, &s->inverse[0], &s->inverse[1], &s->inverse[2], &s->near_offset[0]);
-    hyi_load_columns_avx512(flights, list, 4, &s->near_offset[1], &s->near_offset[2], &s->far_offset[0], &s->far_offset[1]);
-    hyi_load_columns_avx512(flights, list, 8, &s->far_offset[2], &s->t_near, &s->t_far, &s->unused);
-    for (int a = 0; a < 3; a++) s->falls[a] = _mm256_movepi32_mask(_mm256_castps_si256(s->inverse[a]));
+    const char *at[8];
+    for (uint32_t i = 0; i < 8u; i++) at[i] = (const char *)flights[list[i]].aim.inverse;
+    for (uint32_t word = 0; word < 12u; word += 4u) hyi_four_words_avx2(at, 4u * word, s->words + word);
+    for (int a = 0; a < 3; a++) s->falls[a] = _mm256_movepi32_mask(_mm256_castps_si256(s->words[a]));
 }
 
 /* Who meets the box of child c, and where: hyi_meet_boxes. */
 HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child_avx512(const hyi_slabs_avx512 *s, const hyi_node *node, uint32_t c, __m256 *enter) {
-    __m256 first = s->t_near, last = s->t_far;
+    const __m256 *inverse = s->words, *near_offset = inverse + 3, *far_offset = inverse + 6;
+    __m256 first = s->words[9], last = s->words[10];
     for (int a = 0; a < 3; a++) {
         __m256 lower = _mm256_set1_ps(node->planes[2 * a][c]), upper = _mm256_set1_ps(node->planes[2 * a + 1][c]);
         __m256 near_plane = _mm256_mask_blend_ps(s->falls[a], lower, upper), far_plane = _mm256_mask_blend_ps(s->falls[a], upper, lower);
-        first = _mm256_max_ps(first, _mm256_fmadd_ps(near_plane, s->inverse[a], s->near_offset[a]));
-        last = _mm256_min_ps(last, _mm256_fmadd_ps(far_plane, s->inverse[a], s->far_offset[a]));
+        first = _mm256_max_ps(first, _mm256_fmadd_ps(near_plane, inverse[a], near_offset[a]));
+        last = _mm256_min_ps(last, _mm256_fmadd_ps(far_plane, inverse[a], far_offset[a]));
     }
     *enter = first;
     return _mm256_cmp_ps_mask(first, last, _CMP_LE_OQ);
@@ -12704,6 +13095,23 @@ HYI_INLINE HYI_AVX512 void hyi_ray_words_avx512(const hyk_ray *rays, float words
     }
 }
 
+/* Four successive words of each of sixteen rays, as rows of one word of all: four by four in each quarter. */
+HYI_INLINE HYI_AVX512 void hyi_four_words_avx512(const char *const at[16], size_t offset, __m512 rows[4]) {
+    __m512 a[4];
+    for (uint32_t k = 0; k < 4u; k++) {
+        a[k] = _mm512_castps128_ps512(_mm_loadu_ps((const float *)(const void *)(at[k] + offset)));
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[4u + k] + offset)), 1);
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[8u + k] + offset)), 2);
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[12u + k] + offset)), 3);
+    }
+    __m512 low01 = _mm512_unpacklo_ps(a[0], a[1]), high01 = _mm512_unpackhi_ps(a[0], a[1]);
+    __m512 low23 = _mm512_unpacklo_ps(a[2], a[3]), high23 = _mm512_unpackhi_ps(a[2], a[3]);
+    rows[0] = _mm512_shuffle_ps(low01, low23, 0x44);
+    rows[1] = _mm512_shuffle_ps(low01, low23, 0xee);
+    rows[2] = _mm512_shuffle_ps(high01, high23, 0x44);
+    rows[3] = _mm512_shuffle_ps(high01, high23, 0xee);
+}
+
 /* hyi_lines: a transposition in four steps. */
 HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *lines) {
     __m512 a[16], b[16];
@@ -12732,9 +13140,47 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
     }
 }
 
+/* Two words of two records, size bytes apart. */
+HYI_INLINE HYI_AVX512 void hyi_store_pairs_avx512(char *at, uint32_t size, __m128 pairs) {
+    _mm_storel_pi((__m64 *)(void *)at, pairs);
+    _mm_storeh_pi((__m64 *)(void *)(at + size), pairs);
+}
+
+/* hyi_records: four words of all at a time, transposed four by four; then two, and one. */
+HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out) {
+    uint32_t size = 4u * words, word = 0;
+    for (; word + 4u <= words; word += 4u) {
+        __m512 a = _mm512_loadu_ps(rows[word]), b = _mm512_loadu_ps(rows[word + 1u]), c = _mm512_loadu_ps(rows[word + 2u]), d = _mm512_loadu_ps(rows[word + 3u]);
+        __m512d low01 = _mm512_castps_pd(_mm512_unpacklo_ps(a, b)), high01 = _mm512_castps_pd(_mm512_unpackhi_ps(a, b));
+        __m512d low23 = _mm512_castps_pd(_mm512_unpacklo_ps(c, d)), high23 = _mm512_castps_pd(_mm512_unpackhi_ps(c, d));
+        const __m512d quads[4] = {_mm512_unpacklo_pd(low01, low23), _mm512_unpackhi_pd(low01, low23), _mm512_unpacklo_pd(high01, high23), _mm512_unpackhi_pd(high01, high23)};
+        for (uint32_t k = 0; k < 4u; k++) {
+            float *at = (float *)(void *)(out + k * size + 4u * word);
+            _mm_storeu_ps(at, _mm512_extractf32x4_ps(_mm512_castpd_ps(quads[k]), 0));
+            _mm_storeu_ps(at + 4u * words, _mm512_extractf32x4_ps(_mm512_castpd_ps(quads[k]), 1));
+            _mm_storeu_ps(at + 8u * words, _mm512_extractf32x4_ps(_mm512_castpd_ps(quads[k]), 2));
+            _mm_storeu_ps(at + 12u * words, _mm512_extractf32x4_ps(_mm512_castpd_ps(quads[k]), 3));
+        }
+    }
+    for (; word + 2u <= words; word += 2u) {
+        __m512 a = _mm512_loadu_ps(rows[word]), b = _mm512_loadu_ps(rows[word + 1u]);
+        const __m512 pairs[2] = {_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b)};
+        for (uint32_t k = 0; k < 2u; k++) {
+            char *at = out + 2u * k * size + 4u * word;
+            hyi_store_pairs_avx512(at, size, _mm512_extractf32x4_ps(pairs[k], 0));
+            hyi_store_pairs_avx512(at + 4u * size, size, _mm512_extractf32x4_ps(pairs[k], 1));
+            hyi_store_pairs_avx512(at + 8u * size, size, _mm512_extractf32x4_ps(pairs[k], 2));
+            hyi_store_pairs_avx512(at + 12u * size, size, _mm512_extractf32x4_ps(pairs[k], 3));
+        }
+    }
+    for (uint32_t i = 0; i < 16u && word < words; i++) memcpy(out + i * size + 4u * word, &rows[word][i], 4);
+}
+
 #define HYI_TARGET HYI_AVX512
+#define HYI_RECORDS(rows, words, out) hyi_records_avx512(rows, words, out)
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words_avx512(rays, words)
 #define HYI_LINES(rows, lines) hyi_lines_avx512(rows, lines)
+#define HYI_FOUR_WORDS(at, offset, rows) hyi_four_words_avx512(at, offset, rows)
 #define HYI_I(name) name##_avx512
 #define HYI_F8 __m256
 #define HYI_ALWAYS_EXACT 0
@@ -12792,7 +13238,7 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_LEASTW(a) _mm512_reduce_min_ps(a)
 #define HYI_FD __m512d
 #define HYI_SETD(value) _mm512_set1_pd(value)
-#define HYI_HALFD(a, half) _mm512_cvtps_pd((half) ? _mm512_extractf32x8_ps(a, 1) : _mm512_castps512_ps256(a))
+#define HYI_LOADH(p, half) _mm512_cvtps_pd(_mm256_loadu_ps((p) + 8 * (half)))
 #define HYI_LOADD(p) _mm512_loadu_pd(p)
 #define HYI_STORED(p, a) _mm512_storeu_pd(p, a)
 #define HYI_STOREH(p, half, a) _mm256_storeu_ps((p) + 8 * (half), _mm512_cvtpd_ps(a))
@@ -12818,6 +13264,25 @@ HYI_INLINE HYI_AVX512 void hyi_lines_avx512(const void *const rows[16], char *li
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+
+/* hyi_records of eight: four words of four lanes at a time, transposed. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_records_four)(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out) {
+    uint32_t last = words & ~3u;
+    for (uint32_t i = 0; i < 8u; i += 4u) {
+        for (uint32_t word = 0; word < last; word += 4u) {
+            __m128 a = _mm_loadu_ps(rows[word] + i), b = _mm_loadu_ps(rows[word + 1u] + i);
+            __m128 c = _mm_loadu_ps(rows[word + 2u] + i), d = _mm_loadu_ps(rows[word + 3u] + i);
+            float *at = (float *)(void *)out + words * i + word;
+            _MM_TRANSPOSE4_PS(a, b, c, d);
+            _mm_storeu_ps(at, a);
+            _mm_storeu_ps(at + words, b);
+            _mm_storeu_ps(at + 2u * words, c);
+            _mm_storeu_ps(at + 3u * words, d);
+        }
+        for (uint32_t k = i; k < i + 4u; k++)
+            for (uint32_t word = last; word < words; word++) memcpy(out + sizeof(float) * (words * k + word), &rows[word][k], sizeof(float));
+    }
+}
 /* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
    words: HYI_F4 is four floats) */
 
@@ -13010,8 +13475,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain.
+   straight: they are judged even if none is possible: for rays of lists that would be guessed wrong too often. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact, bool straight) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
@@ -13023,21 +13489,19 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
+    if (!exact && (straight || verdicts.possible))
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
-/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
-    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+/* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
+HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+    bool found = false;
+    for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        if (verdicts.certain >> lane & 1u) {
-            if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
+        if (verdicts->certain >> lane & 1u) {
+            if (verdicts->least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -13046,19 +13510,25 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
     return found;
 }
 
+/* Offers a leaf's triangles to a ray. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact, false);
+    return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
+}
+
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
-        uint32_t lane = hyi_lowest_bit(mask);
-        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
-        else (void)hyi_decide(site, flight, leaf, lane);
-    }
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
+    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
-/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
+   children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -13072,7 +13542,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
+            hyi_waiting *waiting = top;
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+            if (any) continue;
+            hyi_prefetch_child(site->bvh, at);
+            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
@@ -13082,8 +13556,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -13107,15 +13581,14 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
                 uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
-                top->child = nearest;
-                top++->t = -FLT_MAX;
+                *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -13241,10 +13714,9 @@ typedef struct HYI_I(hyi_meeting) {
     uint32_t possible;
 } HYI_I(hyi_meeting);
 
-/* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
-    HYI_I(hyi_corner_all) *k = m->corners;
-    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, k);
+/* From its sheared corners on: the same test as of one ray and eight triangles. Returns the lanes that certainly miss it. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_corners_all)(const hyi_packet *packet, HYI_I(hyi_meeting) *m) {
+    const HYI_I(hyi_corner_all) *k = m->corners;
     m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
     m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
     m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
@@ -13255,7 +13727,15 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, 
     m->first = HYI_MINW(HYI_MINW(m->t[0], m->t[1]), m->t[2]);
     m->last = HYI_MAXW(HYI_MAXW(m->t[0], m->t[1]), m->t[2]);
     HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), m->first), early = HYI_LTW(m->last, HYI_LOADW(packet->t_near));
-    m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
+    HYI_MW misses = HYI_ORW(outside, HYI_ORW(late, early));
+    m->possible = ~HYI_BITSW(misses) & HYI_ALLW;
+    return misses;
+}
+
+/* Triangle number triangle of a leaf. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, m->corners);
+    (void)HYI_I(hyi_meet_corners_all)(packet, m);
 }
 
 /* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
@@ -13284,6 +13764,17 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const 
     verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
 
+/* Corners in the sheared frames as hyi_confirm reads them: floats become doubles on their way from memory for less than out of
+   halves of registers. */
+typedef struct HYI_I(hyi_sheared) {
+    float x[3][HYI_PACKET_WIDTH], y[3][HYI_PACKET_WIDTH];
+} HYI_I(hyi_sheared);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_corner)(HYI_I(hyi_sheared) *corners, int k, HYI_I(hyi_corner_all) corner) {
+    HYI_STOREW(corners->x[k], corner.x);
+    HYI_STOREW(corners->y[k], corner.y);
+}
+
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
 HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, HYI_FD qx, HYI_FD qy) {
     return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
@@ -13306,14 +13797,14 @@ typedef struct HYI_I(hyi_outcome_half) {
     uint32_t doubtful;   /* of those whose t hyi_confirm has to settle */
 } HYI_I(hyi_outcome_half);
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_sheared) *corners,
                                                    const HYI_I(hyi_plane_half) *plane, int half, HYI_I(hyi_outcome_half) *outcome) {
-    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_HALFD(HYI_LOADW(packet->origin[2]), half);
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_LOADH(packet->origin[2], half);
     for (int i = 0; i < 3; i++) {
-        x[i] = HYI_HALFD(corners[i].x, half);
-        y[i] = HYI_HALFD(corners[i].y, half);
-        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
-        direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
+        x[i] = HYI_LOADH(corners->x[i], half);
+        y[i] = HYI_LOADH(corners->y[i], half);
+        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_LOADH(packet->origin[i], half)));
+        direction[i] = HYI_LOADH(packet->direction[i], half);
     }
     HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
     HYI_FD b = HYI_I(hyi_cross_exact_half)(x[0], y[0], x[2], y[2]);
@@ -13387,16 +13878,18 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 /* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
     HYI_I(hyi_corner_all) corners[3];
+    HYI_I(hyi_sheared) sheared;
     HYI_I(hyi_plane_half) plane;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
     HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, corners);
+    for (int k = 0; k < 3; k++) HYI_I(hyi_store_corner)(&sheared, k, corners[k]);
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_outcome_half) outcome;
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
         if (!some) continue;
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_I(hyi_confirm_half)(packet, &sheared, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         for (uint32_t left = some & outcome.doubtful; left; left &= left - 1u) {
             uint32_t lane = base + hyi_lowest_bit(left);
@@ -13485,25 +13978,75 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
 }
 
-/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit: those whose corners do not lie all
-   on one side of all rays along an axis of the sheared frames. Rounding is monotone, so what is greater for all rays before
-   it is not less after. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+/* ---- a leaf's triangles, all at once, to all rays of a packet that begin at one point */
+
+/* Where the middle ray of a packet sees a leaf's triangles, and how far off it others may see them. */
+typedef struct HYI_I(hyi_outlook) {
+    HYI_I(hyi_corners) k[3];
+    HYI_F8 half[2];       /* by which shears differ from the middle one */
+    HYI_F8 slack, margin; /* more than rounding makes of x or y, and of an edge function */
+} HYI_I(hyi_outlook);
+
+/* For another ray a corner's x, for one, is off that of the middle ray by up to half |z|. With that in across, what is worked out
+   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf, HYI_I(hyi_outlook) *out) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf);
-    HYI_F8 low[2], high[2], zero = HYI_ZERO8();
-    for (uint32_t k = 0; k < 3u; k++) {
-        HYI_F8 z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[2]) * count), HYI_SET8(p->origin[2][0])));
-        for (uint32_t a = 0; a < 2u; a++) {
-            HYI_F8 d = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[a]) * count), HYI_SET8(p->origin[a][0])));
-            HYI_F8 one = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_low[a]), z)), other = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_high[a]), z));
-            HYI_F8 least = HYI_SUB8(d, HYI_MAX8(one, other)), most = HYI_SUB8(d, HYI_MIN8(one, other));
-            low[a] = k ? HYI_MIN8(low[a], least) : least;
-            high[a] = k ? HYI_MAX8(high[a], most) : most;
+    HYI_F8 across = HYI_ZERO8(), along = across, shear_x = HYI_SET8(-p->shear_middle[0]), shear_y = HYI_SET8(-p->shear_middle[1]);
+    for (uint32_t i = 0; i < 3u; i++) {
+        const float *row = rows + 3u * i * count;
+        HYI_F8 z = HYI_SUB8(HYI_LOADU8(row + swarm->axis[2] * count), HYI_SET8(p->origin[2][0]));
+        HYI_F8 x = HYI_MAD8(shear_x, z, HYI_SUB8(HYI_LOADU8(row + swarm->axis[0] * count), HYI_SET8(p->origin[0][0])));
+        HYI_F8 y = HYI_MAD8(shear_y, z, HYI_SUB8(HYI_LOADU8(row + swarm->axis[1] * count), HYI_SET8(p->origin[1][0])));
+        across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(x), HYI_SIZE8(y)));
+        along = HYI_MAX8(along, HYI_SIZE8(z));
+        out->k[i].x = x;
+        out->k[i].y = y;
+        out->k[i].z = z;
+    }
+    for (int a = 0; a < 2; a++) out->half[a] = HYI_SET8(p->shear_half[a]);
+    across = HYI_MAD8(HYI_MAX8(out->half[0], out->half[1]), along, across);
+    out->slack = HYI_MUL8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along));
+    out->margin = HYI_MAD8(across, out->slack, HYI_SET8(HYI_EDGE_LEAST));
+}
+
+/* Those of which one edge function is above zero for all rays, and one below. They are linear in the shears. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_beside_edges)(const HYI_I(hyi_outlook) *out) {
+    HYI_F8 zero = HYI_ZERO8();
+    HYI_M8 above = HYI_LT8(zero, zero), below = above;
+    for (int i = 0; i < 3; i++) {
+        const HYI_I(hyi_corners) *p = &out->k[(i + 2) % 3], *q = &out->k[(i + 1) % 3];
+        HYI_F8 w = HYI_SUB8(HYI_MUL8(p->x, q->y), HYI_MUL8(p->y, q->x));
+        HYI_F8 by_x = HYI_SIZE8(HYI_SUB8(HYI_MUL8(p->y, q->z), HYI_MUL8(p->z, q->y)));
+        HYI_F8 by_y = HYI_SIZE8(HYI_SUB8(HYI_MUL8(p->z, q->x), HYI_MUL8(p->x, q->z)));
+        HYI_F8 range = HYI_MAD8(out->half[0], by_x, HYI_MAD8(out->half[1], by_y, out->margin));
+        above = HYI_OR8(above, HYI_LT8(range, w));
+        below = HYI_OR8(below, HYI_LT8(w, HYI_SUB8(zero, range)));
+    }
+    return HYI_AND8(above, below);
+}
+
+/* Those whose corners lie all on one side of all rays along x, or along y. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_beside_corners)(const HYI_I(hyi_outlook) *out) {
+    HYI_F8 low[2], high[2], back = HYI_SUB8(HYI_ZERO8(), out->slack);
+    for (int i = 0; i < 3; i++) {
+        HYI_F8 z = HYI_SIZE8(out->k[i].z);
+        for (int a = 0; a < 2; a++) {
+            HYI_F8 at = a ? out->k[i].y : out->k[i].x, off = HYI_MUL8(out->half[a], z), least = HYI_SUB8(at, off), most = HYI_ADD8(at, off);
+            low[a] = i ? HYI_MIN8(low[a], least) : least;
+            high[a] = i ? HYI_MAX8(high[a], most) : most;
         }
     }
-    HYI_M8 beside = HYI_OR8(HYI_OR8(HYI_LT8(zero, low[0]), HYI_LT8(high[0], zero)), HYI_OR8(HYI_LT8(zero, low[1]), HYI_LT8(high[1], zero)));
-    return ~HYI_BITS8(beside) & ((1u << count) - 1u);
+    HYI_M8 after = HYI_OR8(HYI_LT8(out->slack, low[0]), HYI_LT8(out->slack, low[1]));
+    return HYI_OR8(after, HYI_OR8(HYI_LT8(high[0], back), HYI_LT8(high[1], back)));
+}
+
+/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+    HYI_I(hyi_outlook) out;
+    HYI_I(hyi_look_out)(swarm, p, leaf, &out);
+    HYI_M8 beside = HYI_OR8(HYI_I(hyi_beside_edges)(&out), HYI_I(hyi_beside_corners)(&out));
+    return ~HYI_BITS8(beside) & ((1u << hyi_leaf_count(leaf)) - 1u);
 }
 
 /* A ray of a packet as leaves see it. */
@@ -13538,7 +14081,7 @@ HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packe
 /* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false, false);
     bool found = false;
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t triangle = hyi_lowest_bit(mask);
@@ -13569,15 +14112,33 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* node, c: where the leaf hangs; NULL: nowhere. */
+/* Packets of a list some of whose rays meet the box of a leaf, and bits of these. */
+typedef struct HYI_I(hyi_visitors) {
+    uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
+    uint32_t count;
+} HYI_I(hyi_visitors);
+
+/* node, c: where the leaf hangs; NULL: nowhere. Without a branch: it would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c,
+                                              HYI_I(hyi_visitors) *visitors) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[list[i]], node, c) : HYI_ALLW;
+        visitors->packets[kept] = list[i];
+        visitors->rays[kept] = rays;
+        kept += rays ? 1u : 0u;
+    }
+    visitors->count = kept;
+}
+
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_packet *packet = &swarm->packets[list[i]];
+    HYI_I(hyi_visitors) visitors;
+    HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
+    for (uint32_t i = 0; i < visitors.count; i++) {
+        hyi_packet *packet = &swarm->packets[visitors.packets[i]];
+        uint32_t mask = visitors.rays[i];
         bool found = false;
-        if (packet->last_t < packet->first_t) continue;
-        uint32_t mask = node ? HYI_I(hyi_meet_box_each)(swarm, packet, node, c) : HYI_ALLW;
-        if (!mask) continue;
         if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
             for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
         } else {
@@ -13608,9 +14169,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
-        packet->shear_low[a] = HYI_LEASTW(shear);
-        packet->shear_high[a] = HYI_GREATESTW(shear);
-        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
+        float least = HYI_LEASTW(shear), greatest = HYI_GREATESTW(shear), middle = 0.5f * (least + greatest);
+        packet->shear_middle[a] = middle;
+        packet->shear_half[a] = greatest - middle > middle - least ? greatest - middle : middle - least;
+        if (!(greatest - least <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
         low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
@@ -13699,8 +14261,8 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_turn)(const HYI_I(hyi_block) *block, cons
 /* hyi_aim_shear for all lanes. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
     for (int half = 0; half < 2; half++) {
-        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
-        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_LOADH(packet->direction[2], half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_LOADH(packet->direction[i], half), t_by_z));
         HYI_STOREH(packet->inverse_z, half, t_by_z);
         HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
     }
@@ -13885,11 +14447,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     blank.best.instance = blank.best.primitive = HYK_NONE;
     HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
     HYI_I(hyi_name_axes)(block, plane, axis);
-    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
-                             p->t_near, p->t_far, plane[0], plane[1], plane[2], p->inverse_z, p->best_t};
+    const void *boxes[16] = {plane[0], plane[1], plane[2], inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2],
+                             far_offset[0], far_offset[1], far_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
     const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
                                  p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
-    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.near_plane));
     HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];
@@ -13942,7 +14504,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
 
 /* The triangles that a packet found, and who found each. */
 typedef struct HYI_I(hyi_finds) {
-    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    HYI_MW same[HYI_PACKET_WIDTH];       /* the lanes that found the same one */
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* their bits */
     uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
     uint32_t count;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
@@ -13950,51 +14513,65 @@ typedef struct HYI_I(hyi_finds) {
 
 /* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
    in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, HYI_FW rows[9]) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, float rows[9][HYI_PACKET_WIDTH]) {
+    HYI_I(hyi_corner_all) at[3];
     HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (int i = 0; i < 3; i++) at[i].x = at[i].y = at[i].z = HYI_ZEROW();
     while (left) {
         uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
         const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
         uint32_t count = hyi_leaf_count(leaf);
-        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+        for (uint32_t i = 0; i < 3u; i++) {
+            at[i].x = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[0]) * count]), at[i].x);
+            at[i].y = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[1]) * count]), at[i].y);
+            at[i].z = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[2]) * count]), at[i].z);
+        }
+        finds->same[k] = same;
         finds->lanes[k] = HYI_BITSW(same);
         finds->leaf[k] = leaf;
         finds->triangle[k] = triangle;
         finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
         left &= ~finds->lanes[k];
     }
+    for (int i = 0; i < 3; i++) {
+        HYI_STOREW(rows[3 * i], at[i].x);
+        HYI_STOREW(rows[3 * i + 1], at[i].y);
+        HYI_STOREW(rows[3 * i + 2], at[i].z);
+    }
 }
 
 /* The planes of as many triangles as there are lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(float rows[9][HYI_PACKET_WIDTH], int half, HYI_I(hyi_plane_half) *plane) {
     HYI_FD e[3], f[3];
     for (int i = 0; i < 3; i++) {
-        plane->corner[i] = HYI_HALFD(rows[i], half);
-        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
-        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+        plane->corner[i] = HYI_LOADH(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_LOADH(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_LOADH(rows[i + 6], half), plane->corner[i]));
     }
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3, k = (i + 2) % 3;
         plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
     }
-    plane->z[0] = HYI_HALFD(rows[5], half);
-    plane->z[1] = HYI_HALFD(rows[8], half);
+    plane->z[0] = HYI_LOADH(rows[5], half);
+    plane->z[1] = HYI_LOADH(rows[8], half);
 }
 
 /* hyi_confirm for all lanes of a packet, each with its own triangle. Returns bits of those whose t it has to settle itself. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
-    HYI_I(hyi_corner_all) corners[3];
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, float rows[9][HYI_PACKET_WIDTH], float *t, float *u, float *v) {
+    HYI_I(hyi_sheared) corners;
     uint32_t doubtful = 0;
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int k = 0; k < 3; k++) {
+        HYI_FW x = HYI_LOADW(rows[3 * k]), y = HYI_LOADW(rows[3 * k + 1]), z = HYI_LOADW(rows[3 * k + 2]);
+        HYI_I(hyi_store_corner)(&corners, k, HYI_I(hyi_shear_lanes)(packet, x, y, z));
+    }
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
         HYI_I(hyi_outcome_half) outcome;
         HYI_I(hyi_planes_half)(rows, half, &plane);
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_I(hyi_confirm_half)(packet, &corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         HYI_I(hyi_store_weights)(&outcome, half, u, v);
         doubtful |= outcome.doubtful << (uint32_t)half * (HYI_LANES / 2u);
@@ -14004,7 +14581,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet,
 
 /* Works out all hits of a packet. */
 HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW rows[9];
+    float rows[9][HYI_PACKET_WIDTH];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
     HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
@@ -14051,11 +14628,9 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
 /* hyi_settle of all. */
 HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, const HYI_I(hyi_put_off) *some) {
     float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
-    HYI_FW rows[9];
     hyi_packet packet;
     for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
-    for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
-    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
+    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, at, t, u, v);
     for (uint32_t i = 0; i < some->count; i++) {
         if (doubtful >> i & 1u) hyi_settle(site, some->flights[i]);
         else HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
@@ -14093,43 +14668,57 @@ HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *oc
     }
 }
 
-HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = packet->live;
-    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
-    for (; left; left &= left - 1u) {
-        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
-        if (answers->told) hyi_tell_miss(&answers->told[ray]);
-        else hyi_answer_miss(&answers->hits[ray]);
-    }
-}
-
-/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+/* What the rays of one find have in common. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_record_find)(const hyi_swarm *swarm, const HYI_I(hyi_finds) *finds, uint32_t f, bool told, hyi_record *record) {
     const hyi_accel *accel = swarm->site.accel;
     hyk_hit hit;
-    hydra_hit told;
-    hyi_tell_miss(&told);
     hit.t = hit.u = hit.v = 0.0f;
     hit.instance = swarm->site.instance;
     hit.primitive = finds->primitive[f];
     hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
-    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
-    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
-        hit.t = finds->t[lane];
-        hit.u = finds->u[lane];
-        hit.v = finds->v[lane];
-        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
-        else answers->hits[ray] = hit;
+    if (told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &record->told);
+    else record->hit = hit;
+}
+
+/* Answers of all lanes, a row of each of their words. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_record_all)(const hyi_swarm *swarm, const HYI_I(hyi_finds) *finds, bool told, uint32_t words,
+                                                 float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH]) {
+    hyi_record record;
+    HYI_FW row[HYI_RECORD_WORDS];
+    if (told) hyi_tell_miss(&record.told);
+    else hyi_answer_miss(&record.hit);
+    for (uint32_t w = 0; w < words; w++) row[w] = HYI_SETW(record.words[w]);
+    for (uint32_t f = 0; f < finds->count; f++) {
+        HYI_MW same = finds->same[f];
+        HYI_I(hyi_record_find)(swarm, finds, f, told, &record);
+        row[0] = HYI_CHOOSEW(same, HYI_LOADW(finds->t), row[0]);
+        row[1] = HYI_CHOOSEW(same, HYI_LOADW(finds->u), row[1]);
+        row[2] = HYI_CHOOSEW(same, HYI_LOADW(finds->v), row[2]);
+        for (uint32_t w = 3; w < words; w++) row[w] = HYI_CHOOSEW(same, HYI_SETW(record.words[w]), row[w]);
     }
+    for (uint32_t w = 0; w < words; w++) HYI_STOREW(rows[w], row[w]);
+}
+
+/* Answers of so many words each, to those of HYI_LANES rays that live. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_records)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                     bool told, uint32_t words, char *out) {
+    float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH];
+    char all[HYI_PACKET_WIDTH * sizeof(hyi_record)];
+    size_t size = words * sizeof(float);
+    HYI_I(hyi_record_all)(swarm, finds, told, words, rows);
+    if (packet->live == HYI_ALLW) {
+        HYI_RECORDS(rows, words, out);
+        return;
+    }
+    HYI_RECORDS(rows, words, all);
+    for (uint32_t left = packet->live; left; left &= left - 1u) memcpy(out + hyi_lowest_bit(left) * size, all + hyi_lowest_bit(left) * size, size);
 }
 
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
-    hyi_answers to = *answers;
     HYI_I(hyi_finds) finds;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
-    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
+    if (answers->told) HYI_I(hyi_unpack_records)(swarm, packet, &finds, true, HYI_WORDS_OF(hydra_hit), (char *)&answers->told[packet->ray[0]]);
+    else HYI_I(hyi_unpack_records)(swarm, packet, &finds, false, HYI_WORDS_OF(hyk_hit), (char *)&answers->hits[packet->ray[0]]);
 }
 
 /* Answers the rays of count packets. */
@@ -14158,13 +14747,210 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
         }
     }
 }
+/* ---- a list of flights at a leaf (expanded once for each instruction set)
+
+   Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
+   may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
+   once, one after the other, and without a branch: most would be guessed wrong, and what comes next would wait. */
+
+/* ---- many */
+
+/* Flights side by side: what triangles need of them, where packets keep it. */
+typedef struct HYI_I(hyi_abreast) {
+    hyi_packet rays;
+    hyi_flight *flights[HYI_PACKET_WIDTH];
+    HYI_I(hyi_block) turn; /* its y and z */
+    uint32_t live;         /* bits of the lanes with a flight */
+} HYI_I(hyi_abreast);
+
+/* Flights by their numbers; lanes beyond the last repeat the first. false: float tells nothing of some. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_abreast)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, HYI_I(hyi_abreast) *abreast) {
+    const char *at[HYI_LANES];
+    HYI_FW limits[4], start[4], frame[4];
+    hyi_packet *rays = &abreast->rays;
+    uint32_t exact = 0;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &swarm->flights[list[i < count ? i : 0u]];
+        abreast->flights[i] = flight;
+        at[i] = (const char *)flight;
+        exact |= flight->aim.exact;
+    }
+    if (exact) return false;
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.t_near), limits);
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.origin), start);
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.shear[1]), frame);
+    HYI_STOREW(rays->t_near, limits[0]);
+    HYI_STOREW(rays->t_far, limits[1]);
+    HYI_STOREW(rays->inverse_z, limits[2]);
+    HYI_STOREW(rays->least_t, limits[3]);
+    for (uint32_t k = 0; k < 3; k++) HYI_STOREW(rays->origin[k], start[k]);
+    HYI_STOREW(rays->shear[0], start[3]);
+    HYI_STOREW(rays->shear[1], frame[0]);
+    HYI_STOREW(rays->direction[2], HYI_DIVW(HYI_SETW(1.0f), limits[2])); /* a rounding off: bounds of errors are all it is for */
+    abreast->turn.y = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(1));
+    abreast->turn.z = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(2));
+    abreast->live = HYI_ALLW >> (HYI_LANES - count);
+    return true;
+}
+
+/* A triangle for each lane that may hit one: the one that it is judged by next. */
+typedef struct HYI_I(hyi_held) {
+    HYI_I(hyi_meeting) m; /* possible: the lanes that hold one */
+    HYI_FW triangle;
+} HYI_I(hyi_held);
+
+/* Where a lane may hit the triangle it met last, it holds that. misses: all other lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_hold)(HYI_I(hyi_held) *held, const HYI_I(hyi_meeting) *last, HYI_MW misses, uint32_t triangle) {
+    HYI_I(hyi_meeting) *m = &held->m;
+    for (uint32_t i = 0; i < 3; i++) {
+        m->corners[i].x = HYI_CHOOSEW(misses, m->corners[i].x, last->corners[i].x);
+        m->corners[i].y = HYI_CHOOSEW(misses, m->corners[i].y, last->corners[i].y);
+        m->w[i] = HYI_CHOOSEW(misses, m->w[i], last->w[i]);
+        m->t[i] = HYI_CHOOSEW(misses, m->t[i], last->t[i]);
+    }
+    m->least_w = HYI_CHOOSEW(misses, m->least_w, last->least_w);
+    m->most_w = HYI_CHOOSEW(misses, m->most_w, last->most_w);
+    m->first = HYI_CHOOSEW(misses, m->first, last->first);
+    m->last = HYI_CHOOSEW(misses, m->last, last->last);
+    m->possible |= last->possible;
+    held->triangle = HYI_CHOOSEW(misses, held->triangle, HYI_I(hyi_whole)(triangle));
+}
+
+/* Decides for one lane after the other. Returns the bits of those with a hit. */
+HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const hyi_lane_words *triangle, uint32_t mask) {
+    uint32_t found = 0;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        hyi_flight *flight = abreast->flights[lane];
+        if (!hyi_offer(&swarm->site, flight, leaf, triangle->word[lane])) continue;
+        if (swarm->any) hyi_flight_stop(flight);
+        abreast->rays.t_far[lane] = flight->aim.t_far;
+        abreast->rays.least_t[lane] = flight->aim.least_t;
+        found |= 1u << lane;
+    }
+    return found;
+}
+
+/* Judges the triangles held: hits that are nearer for certain than all before are put off, and what float cannot tell is decided.
+   Returns the bits of the lanes with a hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const HYI_I(hyi_held) *held, bool any) {
+    hyi_packet *rays = &abreast->rays;
+    HYI_I(hyi_verdict_all) verdict;
+    hyi_lane_words triangle;
+    float most[HYI_PACKET_WIDTH];
+    HYI_I(hyi_judge_all)(rays, &held->m, &verdict);
+    uint32_t left = held->m.possible & ~verdict.missed;
+    if (!left) return 0;
+    HYI_FW limit = HYI_ADDW(verdict.most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(verdict.most)));
+    HYI_MW nearer = HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(rays->least_t)));
+    uint32_t sure = swarm->site.asks_alpha ? 0u : left & HYI_BITSW(nearer);
+    HYI_STOREW(triangle.bits, held->triangle);
+    if (sure) {
+        HYI_STOREW(most, verdict.most);
+        HYI_STOREW(rays->least_t, HYI_CHOOSEW(nearer, verdict.least, HYI_LOADW(rays->least_t)));
+        HYI_STOREW(rays->t_far, HYI_CHOOSEW(nearer, any ? HYI_SETW(-FLT_MAX) : limit, HYI_LOADW(rays->t_far)));
+    }
+    for (uint32_t mask = sure; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        hyi_put_off(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any, ~0u);
+    }
+    return left == sure ? sure : sure | HYI_I(hyi_offer_to_lanes)(swarm, abreast, leaf, &triangle, left & ~sure);
+}
+
+/* Triangle number triangle of a leaf to all lanes; returns those that certainly miss it. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const float *rows, uint32_t count, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    for (uint32_t k = 0; k < 3; k++) {
+        const float *row = rows + 3u * k * count + triangle;
+        const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[count]), HYI_SETW(row[2u * count])};
+        HYI_FW x = HYI_I(hyi_turn)(&abreast->turn, v, 0), y = HYI_I(hyi_turn)(&abreast->turn, v, 1), z = HYI_I(hyi_turn)(&abreast->turn, v, 2);
+        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, x, y, z);
+    }
+    HYI_MW misses = HYI_I(hyi_meet_corners_all)(&abreast->rays, m);
+    m->possible &= abreast->live;
+    return misses;
+}
+
+/* Offers a leaf's triangles, one after the other, to all lanes. Few lanes may hit any one of them, so these are judged together.
+   Returns how many have a hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t count = hyi_leaf_count(leaf), found = 0;
+    HYI_I(hyi_held) held;
+    (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, 0, &held.m);
+    held.triangle = HYI_I(hyi_whole)(0);
+    for (uint32_t triangle = 1; triangle < count; triangle++) {
+        HYI_I(hyi_meeting) m;
+        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
+        if (!m.possible) continue;
+        if (m.possible & held.m.possible) {
+            found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
+            held.m.possible = 0;
+        }
+        HYI_I(hyi_hold)(&held, &m, misses, triangle);
+    }
+    if (held.m.possible) found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
+    return hyi_count_lanes(found);
+}
+
+/* ---- few */
+
+/* hyi_offer_leaf with the most common ends in one: nothing is hit, or one triangle for certain, before all others. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false, true);
+    uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
+    float least = verdicts.least[lane], most = verdicts.most[lane];
+    uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
+    if (HYI_UNLIKELY((possible & (possible - 1u)) | (possible & ~verdicts.certain) | (nearer ^ 1u))) {
+        bool found = HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
+        if (found && any) hyi_flight_stop(flight);
+        return found;
+    }
+    hyi_put_off(site, flight, leaf, lane, least, most, any, possible ? ~0u : 0u);
+    return possible != 0;
+}
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        if (swarm->site.asks_alpha || flight->aim.exact) {
+            bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
+            if (found && swarm->any) hyi_flight_stop(flight);
+            hits += found ? 1u : 0u;
+        } else {
+            hits += HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any) ? 1u : 0u;
+        }
+    }
+    return hits;
+}
+
+/* ---- all */
+
+/* Some flights, at most HYI_LANES. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    HYI_I(hyi_abreast) abreast;
+    if (!HYI_I(hyi_go_abreast)(swarm, list, count, &abreast)) return HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+    return swarm->any ? HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, true) : HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, false);
+}
+
+/* Returns how many rays of a list hit a triangle of a leaf. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
+    for (; count >= enough; list += HYI_LANES) {
+        uint32_t some = count < HYI_LANES ? count : HYI_LANES;
+        hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
+        count -= some;
+    }
+    return hits + HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+}
 /* ---- many rays (expanded once for each instruction set)
 
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
    a list of flights down says how often these met something nearer than before. */
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space);
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
@@ -14207,14 +14993,15 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hy
     HYI_STORE8(nearest, least);
 }
 
-/* The same of packets, which have their near planes in common. */
+/* The same of packets, which have their near planes in common. Those that seem to meet many children, and begin at different points,
+   are looked at by each ray afterwards: a branch in the midst of the others would be taken by chance. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                    uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
     HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += 8u) {
-        uint32_t some = count - first < 8u ? count - first : 8u;
+        uint32_t some = count - first < 8u ? count - first : 8u, unsure[8], doubts = 0;
         hyi_masks8 masks;
         masks.all = 0;
         for (uint32_t i = 0; i < some; i++) {
@@ -14223,8 +15010,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
             HYI_M8 mask = HYI_I(hyi_meet_boxes_all)(packet, &planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
-            if (packet->spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, packet, node, met);
             masks.bytes[i] = (uint8_t)met;
+            unsure[doubts] = i;
+            doubts += packet->spread && hyi_count_bits(met) >= HYI_MANY_CHILDREN ? 1u : 0u;
+        }
+        for (uint32_t k = 0; k < doubts; k++) {
+            uint32_t i = unsure[k];
+            masks.bytes[i] = (uint8_t)HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[list[first + i]], node, masks.bytes[i]);
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
@@ -14267,19 +15059,6 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
         if (hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], some, dealt[c], node, c);
         else HYI_I(hyi_list_visit_packets)(swarm, node->child[c], some, dealt[c], space + HYI_WIDTH * stride);
     }
-}
-
-/* ---- leaves */
-
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &swarm->flights[list[i]];
-        if (!HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any)) continue;
-        if (swarm->any) hyi_flight_stop(flight);
-        hits++;
-    }
-    return hits;
 }
 
 /* ---- instances */
@@ -14552,10 +15331,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_F8
 #undef HYI_FD
 #undef HYI_FLIGHT_BEGIN
+#undef HYI_FOUR_WORDS
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
-#undef HYI_HALFD
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
@@ -14569,6 +15348,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
 #undef HYI_LOADD
+#undef HYI_LOADH
 #undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
@@ -14620,6 +15400,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_RECORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
 #undef HYI_SIZE8
@@ -14636,6 +15417,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SUBD
 #undef HYI_SUBW
 #undef HYI_TARGET
+#undef HYI_TURN4
 #undef HYI_ZERO8
 #undef HYI_ZEROW
 #undef HYI_UNROLL_8
@@ -14700,6 +15482,25 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+
+/* hyi_records of eight: four words of four lanes at a time, transposed. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_records_four)(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out) {
+    uint32_t last = words & ~3u;
+    for (uint32_t i = 0; i < 8u; i += 4u) {
+        for (uint32_t word = 0; word < last; word += 4u) {
+            __m128 a = _mm_loadu_ps(rows[word] + i), b = _mm_loadu_ps(rows[word + 1u] + i);
+            __m128 c = _mm_loadu_ps(rows[word + 2u] + i), d = _mm_loadu_ps(rows[word + 3u] + i);
+            float *at = (float *)(void *)out + words * i + word;
+            _MM_TRANSPOSE4_PS(a, b, c, d);
+            _mm_storeu_ps(at, a);
+            _mm_storeu_ps(at + words, b);
+            _mm_storeu_ps(at + 2u * words, c);
+            _mm_storeu_ps(at + 3u * words, d);
+        }
+        for (uint32_t k = i; k < i + 4u; k++)
+            for (uint32_t word = last; word < words; word++) memcpy(out + sizeof(float) * (words * k + word), &rows[word][k], sizeof(float));
+    }
+}
 #define HYI_M4 __m128
 #define HYI_LOAD4_ALIGNED(p) _mm_load_ps(p)
 #define HYI_MAD4(a, b, c) _mm_add_ps(_mm_mul_ps(a, b), c)
@@ -14712,6 +15513,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_CHOOSE4(m, a, b) _mm_blendv_ps(b, a, m)
 #define HYI_SAME4(a, b) _mm_castsi128_ps(_mm_cmpeq_epi32(_mm_castps_si128(a), _mm_castps_si128(b)))
 #define HYI_BITS4_4(low, high) ((uint32_t)_mm_movemask_ps(low) | (uint32_t)_mm_movemask_ps(high) << 4)
+#define HYI_TURN4(a) _MM_TRANSPOSE4_PS((a)[0], (a)[1], (a)[2], (a)[3])
 #define HYI_PIN4(a) hyi_pin4_sse42(a)
 #define HYI_GREATEST4(a) hyi_greatest4_sse42(a)
 #define HYI_LEAST4(a) hyi_least4_sse42(a)
@@ -14731,6 +15533,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_LT2(a, b) _mm_cmplt_pd(a, b)
 #define HYI_BITS2_2(low, high) ((uint32_t)_mm_movemask_pd(low) | (uint32_t)_mm_movemask_pd(high) << 2)
 #define HYI_PIN2(a) hyi_pin2_sse42(a)
+#define HYI_RECORDS(rows, words, out) HYI_I(hyi_records_four)(rows, words, out)
 /* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
    for four floats and two doubles) */
 
@@ -14840,8 +15643,8 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_set_doubles)(double value) {
     return r;
 }
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_half_as_doubles)(HYI_I(hyi_f8) a, int half) {
-    HYI_F4 four = half ? a.high : a.low;
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_load_half)(const float *p, int half) {
+    HYI_F4 four = HYI_LOAD4(p + 4 * half);
     HYI_I(hyi_d4) r;
     r.low = HYI_LOW_AS_DOUBLES(four);
     r.high = HYI_HIGH_AS_DOUBLES(four);
@@ -14875,6 +15678,21 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
 }
 
 /* ---- lists */
+
+/* Four successive words of each of eight rays, as rows of one word of all. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_four_words)(const char *const at[8], size_t offset, HYI_I(hyi_f8) rows[4]) {
+    HYI_F4 low[4], high[4];
+    for (uint32_t k = 0; k < 4u; k++) {
+        low[k] = HYI_LOAD4((const float *)(const void *)(at[k] + offset));
+        high[k] = HYI_LOAD4((const float *)(const void *)(at[4u + k] + offset));
+    }
+    HYI_TURN4(low);
+    HYI_TURN4(high);
+    for (uint32_t k = 0; k < 4u; k++) {
+        rows[k].low = low[k];
+        rows[k].high = high[k];
+    }
+}
 
 /* Appends eight items to the lists of the children that their masks name. By bits: permutations from a table were slower. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
@@ -14913,6 +15731,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words(rays, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
+#define HYI_FOUR_WORDS(at, offset, rows) HYI_I(hyi_four_words)(at, offset, rows)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW HYI_F8
@@ -14942,7 +15761,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
-#define HYI_HALFD(a, half) HYI_I(hyi_half_as_doubles)(a, half)
+#define HYI_LOADH(p, half) HYI_I(hyi_load_half)(p, half)
 #define HYI_LOADD(p) HYI_I(hyi_load_doubles)(p)
 #define HYI_STORED(p, a) HYI_I(hyi_store_doubles)(p, a)
 #define HYI_STOREH(p, half, a) HYI_I(hyi_store_half)(p, half, a)
@@ -15146,8 +15965,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain.
+   straight: they are judged even if none is possible: for rays of lists that would be guessed wrong too often. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact, bool straight) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
@@ -15159,21 +15979,19 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
+    if (!exact && (straight || verdicts.possible))
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
-/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
-    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+/* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
+HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+    bool found = false;
+    for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        if (verdicts.certain >> lane & 1u) {
-            if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
+        if (verdicts->certain >> lane & 1u) {
+            if (verdicts->least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -15182,19 +16000,25 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
     return found;
 }
 
+/* Offers a leaf's triangles to a ray. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact, false);
+    return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
+}
+
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
-        uint32_t lane = hyi_lowest_bit(mask);
-        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
-        else (void)hyi_decide(site, flight, leaf, lane);
-    }
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
+    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
-/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
+   children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -15208,7 +16032,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
+            hyi_waiting *waiting = top;
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+            if (any) continue;
+            hyi_prefetch_child(site->bvh, at);
+            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
@@ -15218,8 +16046,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -15243,15 +16071,14 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
                 uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
-                top->child = nearest;
-                top++->t = -FLT_MAX;
+                *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -15377,10 +16204,9 @@ typedef struct HYI_I(hyi_meeting) {
     uint32_t possible;
 } HYI_I(hyi_meeting);
 
-/* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
-    HYI_I(hyi_corner_all) *k = m->corners;
-    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, k);
+/* From its sheared corners on: the same test as of one ray and eight triangles. Returns the lanes that certainly miss it. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_corners_all)(const hyi_packet *packet, HYI_I(hyi_meeting) *m) {
+    const HYI_I(hyi_corner_all) *k = m->corners;
     m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
     m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
     m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
@@ -15391,7 +16217,15 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, 
     m->first = HYI_MINW(HYI_MINW(m->t[0], m->t[1]), m->t[2]);
     m->last = HYI_MAXW(HYI_MAXW(m->t[0], m->t[1]), m->t[2]);
     HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), m->first), early = HYI_LTW(m->last, HYI_LOADW(packet->t_near));
-    m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
+    HYI_MW misses = HYI_ORW(outside, HYI_ORW(late, early));
+    m->possible = ~HYI_BITSW(misses) & HYI_ALLW;
+    return misses;
+}
+
+/* Triangle number triangle of a leaf. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, m->corners);
+    (void)HYI_I(hyi_meet_corners_all)(packet, m);
 }
 
 /* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
@@ -15420,6 +16254,17 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const 
     verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
 
+/* Corners in the sheared frames as hyi_confirm reads them: floats become doubles on their way from memory for less than out of
+   halves of registers. */
+typedef struct HYI_I(hyi_sheared) {
+    float x[3][HYI_PACKET_WIDTH], y[3][HYI_PACKET_WIDTH];
+} HYI_I(hyi_sheared);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_corner)(HYI_I(hyi_sheared) *corners, int k, HYI_I(hyi_corner_all) corner) {
+    HYI_STOREW(corners->x[k], corner.x);
+    HYI_STOREW(corners->y[k], corner.y);
+}
+
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
 HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, HYI_FD qx, HYI_FD qy) {
     return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
@@ -15442,14 +16287,14 @@ typedef struct HYI_I(hyi_outcome_half) {
     uint32_t doubtful;   /* of those whose t hyi_confirm has to settle */
 } HYI_I(hyi_outcome_half);
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_sheared) *corners,
                                                    const HYI_I(hyi_plane_half) *plane, int half, HYI_I(hyi_outcome_half) *outcome) {
-    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_HALFD(HYI_LOADW(packet->origin[2]), half);
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_LOADH(packet->origin[2], half);
     for (int i = 0; i < 3; i++) {
-        x[i] = HYI_HALFD(corners[i].x, half);
-        y[i] = HYI_HALFD(corners[i].y, half);
-        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
-        direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
+        x[i] = HYI_LOADH(corners->x[i], half);
+        y[i] = HYI_LOADH(corners->y[i], half);
+        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_LOADH(packet->origin[i], half)));
+        direction[i] = HYI_LOADH(packet->direction[i], half);
     }
     HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
     HYI_FD b = HYI_I(hyi_cross_exact_half)(x[0], y[0], x[2], y[2]);
@@ -15523,16 +16368,18 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 /* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
     HYI_I(hyi_corner_all) corners[3];
+    HYI_I(hyi_sheared) sheared;
     HYI_I(hyi_plane_half) plane;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
     HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, corners);
+    for (int k = 0; k < 3; k++) HYI_I(hyi_store_corner)(&sheared, k, corners[k]);
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_outcome_half) outcome;
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
         if (!some) continue;
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_I(hyi_confirm_half)(packet, &sheared, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         for (uint32_t left = some & outcome.doubtful; left; left &= left - 1u) {
             uint32_t lane = base + hyi_lowest_bit(left);
@@ -15621,25 +16468,75 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
 }
 
-/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit: those whose corners do not lie all
-   on one side of all rays along an axis of the sheared frames. Rounding is monotone, so what is greater for all rays before
-   it is not less after. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+/* ---- a leaf's triangles, all at once, to all rays of a packet that begin at one point */
+
+/* Where the middle ray of a packet sees a leaf's triangles, and how far off it others may see them. */
+typedef struct HYI_I(hyi_outlook) {
+    HYI_I(hyi_corners) k[3];
+    HYI_F8 half[2];       /* by which shears differ from the middle one */
+    HYI_F8 slack, margin; /* more than rounding makes of x or y, and of an edge function */
+} HYI_I(hyi_outlook);
+
+/* For another ray a corner's x, for one, is off that of the middle ray by up to half |z|. With that in across, what is worked out
+   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf, HYI_I(hyi_outlook) *out) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf);
-    HYI_F8 low[2], high[2], zero = HYI_ZERO8();
-    for (uint32_t k = 0; k < 3u; k++) {
-        HYI_F8 z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[2]) * count), HYI_SET8(p->origin[2][0])));
-        for (uint32_t a = 0; a < 2u; a++) {
-            HYI_F8 d = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[a]) * count), HYI_SET8(p->origin[a][0])));
-            HYI_F8 one = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_low[a]), z)), other = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_high[a]), z));
-            HYI_F8 least = HYI_SUB8(d, HYI_MAX8(one, other)), most = HYI_SUB8(d, HYI_MIN8(one, other));
-            low[a] = k ? HYI_MIN8(low[a], least) : least;
-            high[a] = k ? HYI_MAX8(high[a], most) : most;
+    HYI_F8 across = HYI_ZERO8(), along = across, shear_x = HYI_SET8(-p->shear_middle[0]), shear_y = HYI_SET8(-p->shear_middle[1]);
+    for (uint32_t i = 0; i < 3u; i++) {
+        const float *row = rows + 3u * i * count;
+        HYI_F8 z = HYI_SUB8(HYI_LOADU8(row + swarm->axis[2] * count), HYI_SET8(p->origin[2][0]));
+        HYI_F8 x = HYI_MAD8(shear_x, z, HYI_SUB8(HYI_LOADU8(row + swarm->axis[0] * count), HYI_SET8(p->origin[0][0])));
+        HYI_F8 y = HYI_MAD8(shear_y, z, HYI_SUB8(HYI_LOADU8(row + swarm->axis[1] * count), HYI_SET8(p->origin[1][0])));
+        across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(x), HYI_SIZE8(y)));
+        along = HYI_MAX8(along, HYI_SIZE8(z));
+        out->k[i].x = x;
+        out->k[i].y = y;
+        out->k[i].z = z;
+    }
+    for (int a = 0; a < 2; a++) out->half[a] = HYI_SET8(p->shear_half[a]);
+    across = HYI_MAD8(HYI_MAX8(out->half[0], out->half[1]), along, across);
+    out->slack = HYI_MUL8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along));
+    out->margin = HYI_MAD8(across, out->slack, HYI_SET8(HYI_EDGE_LEAST));
+}
+
+/* Those of which one edge function is above zero for all rays, and one below. They are linear in the shears. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_beside_edges)(const HYI_I(hyi_outlook) *out) {
+    HYI_F8 zero = HYI_ZERO8();
+    HYI_M8 above = HYI_LT8(zero, zero), below = above;
+    for (int i = 0; i < 3; i++) {
+        const HYI_I(hyi_corners) *p = &out->k[(i + 2) % 3], *q = &out->k[(i + 1) % 3];
+        HYI_F8 w = HYI_SUB8(HYI_MUL8(p->x, q->y), HYI_MUL8(p->y, q->x));
+        HYI_F8 by_x = HYI_SIZE8(HYI_SUB8(HYI_MUL8(p->y, q->z), HYI_MUL8(p->z, q->y)));
+        HYI_F8 by_y = HYI_SIZE8(HYI_SUB8(HYI_MUL8(p->z, q->x), HYI_MUL8(p->x, q->z)));
+        HYI_F8 range = HYI_MAD8(out->half[0], by_x, HYI_MAD8(out->half[1], by_y, out->margin));
+        above = HYI_OR8(above, HYI_LT8(range, w));
+        below = HYI_OR8(below, HYI_LT8(w, HYI_SUB8(zero, range)));
+    }
+    return HYI_AND8(above, below);
+}
+
+/* Those whose corners lie all on one side of all rays along x, or along y. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_beside_corners)(const HYI_I(hyi_outlook) *out) {
+    HYI_F8 low[2], high[2], back = HYI_SUB8(HYI_ZERO8(), out->slack);
+    for (int i = 0; i < 3; i++) {
+        HYI_F8 z = HYI_SIZE8(out->k[i].z);
+        for (int a = 0; a < 2; a++) {
+            HYI_F8 at = a ? out->k[i].y : out->k[i].x, off = HYI_MUL8(out->half[a], z), least = HYI_SUB8(at, off), most = HYI_ADD8(at, off);
+            low[a] = i ? HYI_MIN8(low[a], least) : least;
+            high[a] = i ? HYI_MAX8(high[a], most) : most;
         }
     }
-    HYI_M8 beside = HYI_OR8(HYI_OR8(HYI_LT8(zero, low[0]), HYI_LT8(high[0], zero)), HYI_OR8(HYI_LT8(zero, low[1]), HYI_LT8(high[1], zero)));
-    return ~HYI_BITS8(beside) & ((1u << count) - 1u);
+    HYI_M8 after = HYI_OR8(HYI_LT8(out->slack, low[0]), HYI_LT8(out->slack, low[1]));
+    return HYI_OR8(after, HYI_OR8(HYI_LT8(high[0], back), HYI_LT8(high[1], back)));
+}
+
+/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+    HYI_I(hyi_outlook) out;
+    HYI_I(hyi_look_out)(swarm, p, leaf, &out);
+    HYI_M8 beside = HYI_OR8(HYI_I(hyi_beside_edges)(&out), HYI_I(hyi_beside_corners)(&out));
+    return ~HYI_BITS8(beside) & ((1u << hyi_leaf_count(leaf)) - 1u);
 }
 
 /* A ray of a packet as leaves see it. */
@@ -15674,7 +16571,7 @@ HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packe
 /* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false, false);
     bool found = false;
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t triangle = hyi_lowest_bit(mask);
@@ -15705,15 +16602,33 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* node, c: where the leaf hangs; NULL: nowhere. */
+/* Packets of a list some of whose rays meet the box of a leaf, and bits of these. */
+typedef struct HYI_I(hyi_visitors) {
+    uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
+    uint32_t count;
+} HYI_I(hyi_visitors);
+
+/* node, c: where the leaf hangs; NULL: nowhere. Without a branch: it would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c,
+                                              HYI_I(hyi_visitors) *visitors) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[list[i]], node, c) : HYI_ALLW;
+        visitors->packets[kept] = list[i];
+        visitors->rays[kept] = rays;
+        kept += rays ? 1u : 0u;
+    }
+    visitors->count = kept;
+}
+
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_packet *packet = &swarm->packets[list[i]];
+    HYI_I(hyi_visitors) visitors;
+    HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
+    for (uint32_t i = 0; i < visitors.count; i++) {
+        hyi_packet *packet = &swarm->packets[visitors.packets[i]];
+        uint32_t mask = visitors.rays[i];
         bool found = false;
-        if (packet->last_t < packet->first_t) continue;
-        uint32_t mask = node ? HYI_I(hyi_meet_box_each)(swarm, packet, node, c) : HYI_ALLW;
-        if (!mask) continue;
         if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
             for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
         } else {
@@ -15744,9 +16659,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
-        packet->shear_low[a] = HYI_LEASTW(shear);
-        packet->shear_high[a] = HYI_GREATESTW(shear);
-        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
+        float least = HYI_LEASTW(shear), greatest = HYI_GREATESTW(shear), middle = 0.5f * (least + greatest);
+        packet->shear_middle[a] = middle;
+        packet->shear_half[a] = greatest - middle > middle - least ? greatest - middle : middle - least;
+        if (!(greatest - least <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
         low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
@@ -15835,8 +16751,8 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_turn)(const HYI_I(hyi_block) *block, cons
 /* hyi_aim_shear for all lanes. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
     for (int half = 0; half < 2; half++) {
-        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
-        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_LOADH(packet->direction[2], half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_LOADH(packet->direction[i], half), t_by_z));
         HYI_STOREH(packet->inverse_z, half, t_by_z);
         HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
     }
@@ -16021,11 +16937,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     blank.best.instance = blank.best.primitive = HYK_NONE;
     HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
     HYI_I(hyi_name_axes)(block, plane, axis);
-    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
-                             p->t_near, p->t_far, plane[0], plane[1], plane[2], p->inverse_z, p->best_t};
+    const void *boxes[16] = {plane[0], plane[1], plane[2], inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2],
+                             far_offset[0], far_offset[1], far_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
     const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
                                  p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
-    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.near_plane));
     HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];
@@ -16078,7 +16994,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
 
 /* The triangles that a packet found, and who found each. */
 typedef struct HYI_I(hyi_finds) {
-    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    HYI_MW same[HYI_PACKET_WIDTH];       /* the lanes that found the same one */
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* their bits */
     uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
     uint32_t count;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
@@ -16086,51 +17003,65 @@ typedef struct HYI_I(hyi_finds) {
 
 /* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
    in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, HYI_FW rows[9]) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, float rows[9][HYI_PACKET_WIDTH]) {
+    HYI_I(hyi_corner_all) at[3];
     HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (int i = 0; i < 3; i++) at[i].x = at[i].y = at[i].z = HYI_ZEROW();
     while (left) {
         uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
         const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
         uint32_t count = hyi_leaf_count(leaf);
-        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+        for (uint32_t i = 0; i < 3u; i++) {
+            at[i].x = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[0]) * count]), at[i].x);
+            at[i].y = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[1]) * count]), at[i].y);
+            at[i].z = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[2]) * count]), at[i].z);
+        }
+        finds->same[k] = same;
         finds->lanes[k] = HYI_BITSW(same);
         finds->leaf[k] = leaf;
         finds->triangle[k] = triangle;
         finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
         left &= ~finds->lanes[k];
     }
+    for (int i = 0; i < 3; i++) {
+        HYI_STOREW(rows[3 * i], at[i].x);
+        HYI_STOREW(rows[3 * i + 1], at[i].y);
+        HYI_STOREW(rows[3 * i + 2], at[i].z);
+    }
 }
 
 /* The planes of as many triangles as there are lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(float rows[9][HYI_PACKET_WIDTH], int half, HYI_I(hyi_plane_half) *plane) {
     HYI_FD e[3], f[3];
     for (int i = 0; i < 3; i++) {
-        plane->corner[i] = HYI_HALFD(rows[i], half);
-        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
-        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+        plane->corner[i] = HYI_LOADH(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_LOADH(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_LOADH(rows[i + 6], half), plane->corner[i]));
     }
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3, k = (i + 2) % 3;
         plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
     }
-    plane->z[0] = HYI_HALFD(rows[5], half);
-    plane->z[1] = HYI_HALFD(rows[8], half);
+    plane->z[0] = HYI_LOADH(rows[5], half);
+    plane->z[1] = HYI_LOADH(rows[8], half);
 }
 
 /* hyi_confirm for all lanes of a packet, each with its own triangle. Returns bits of those whose t it has to settle itself. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
-    HYI_I(hyi_corner_all) corners[3];
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, float rows[9][HYI_PACKET_WIDTH], float *t, float *u, float *v) {
+    HYI_I(hyi_sheared) corners;
     uint32_t doubtful = 0;
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int k = 0; k < 3; k++) {
+        HYI_FW x = HYI_LOADW(rows[3 * k]), y = HYI_LOADW(rows[3 * k + 1]), z = HYI_LOADW(rows[3 * k + 2]);
+        HYI_I(hyi_store_corner)(&corners, k, HYI_I(hyi_shear_lanes)(packet, x, y, z));
+    }
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
         HYI_I(hyi_outcome_half) outcome;
         HYI_I(hyi_planes_half)(rows, half, &plane);
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_I(hyi_confirm_half)(packet, &corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         HYI_I(hyi_store_weights)(&outcome, half, u, v);
         doubtful |= outcome.doubtful << (uint32_t)half * (HYI_LANES / 2u);
@@ -16140,7 +17071,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet,
 
 /* Works out all hits of a packet. */
 HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW rows[9];
+    float rows[9][HYI_PACKET_WIDTH];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
     HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
@@ -16187,11 +17118,9 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
 /* hyi_settle of all. */
 HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, const HYI_I(hyi_put_off) *some) {
     float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
-    HYI_FW rows[9];
     hyi_packet packet;
     for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
-    for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
-    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
+    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, at, t, u, v);
     for (uint32_t i = 0; i < some->count; i++) {
         if (doubtful >> i & 1u) hyi_settle(site, some->flights[i]);
         else HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
@@ -16229,43 +17158,57 @@ HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *oc
     }
 }
 
-HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = packet->live;
-    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
-    for (; left; left &= left - 1u) {
-        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
-        if (answers->told) hyi_tell_miss(&answers->told[ray]);
-        else hyi_answer_miss(&answers->hits[ray]);
-    }
-}
-
-/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+/* What the rays of one find have in common. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_record_find)(const hyi_swarm *swarm, const HYI_I(hyi_finds) *finds, uint32_t f, bool told, hyi_record *record) {
     const hyi_accel *accel = swarm->site.accel;
     hyk_hit hit;
-    hydra_hit told;
-    hyi_tell_miss(&told);
     hit.t = hit.u = hit.v = 0.0f;
     hit.instance = swarm->site.instance;
     hit.primitive = finds->primitive[f];
     hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
-    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
-    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
-        hit.t = finds->t[lane];
-        hit.u = finds->u[lane];
-        hit.v = finds->v[lane];
-        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
-        else answers->hits[ray] = hit;
+    if (told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &record->told);
+    else record->hit = hit;
+}
+
+/* Answers of all lanes, a row of each of their words. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_record_all)(const hyi_swarm *swarm, const HYI_I(hyi_finds) *finds, bool told, uint32_t words,
+                                                 float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH]) {
+    hyi_record record;
+    HYI_FW row[HYI_RECORD_WORDS];
+    if (told) hyi_tell_miss(&record.told);
+    else hyi_answer_miss(&record.hit);
+    for (uint32_t w = 0; w < words; w++) row[w] = HYI_SETW(record.words[w]);
+    for (uint32_t f = 0; f < finds->count; f++) {
+        HYI_MW same = finds->same[f];
+        HYI_I(hyi_record_find)(swarm, finds, f, told, &record);
+        row[0] = HYI_CHOOSEW(same, HYI_LOADW(finds->t), row[0]);
+        row[1] = HYI_CHOOSEW(same, HYI_LOADW(finds->u), row[1]);
+        row[2] = HYI_CHOOSEW(same, HYI_LOADW(finds->v), row[2]);
+        for (uint32_t w = 3; w < words; w++) row[w] = HYI_CHOOSEW(same, HYI_SETW(record.words[w]), row[w]);
     }
+    for (uint32_t w = 0; w < words; w++) HYI_STOREW(rows[w], row[w]);
+}
+
+/* Answers of so many words each, to those of HYI_LANES rays that live. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_records)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                     bool told, uint32_t words, char *out) {
+    float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH];
+    char all[HYI_PACKET_WIDTH * sizeof(hyi_record)];
+    size_t size = words * sizeof(float);
+    HYI_I(hyi_record_all)(swarm, finds, told, words, rows);
+    if (packet->live == HYI_ALLW) {
+        HYI_RECORDS(rows, words, out);
+        return;
+    }
+    HYI_RECORDS(rows, words, all);
+    for (uint32_t left = packet->live; left; left &= left - 1u) memcpy(out + hyi_lowest_bit(left) * size, all + hyi_lowest_bit(left) * size, size);
 }
 
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
-    hyi_answers to = *answers;
     HYI_I(hyi_finds) finds;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
-    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
+    if (answers->told) HYI_I(hyi_unpack_records)(swarm, packet, &finds, true, HYI_WORDS_OF(hydra_hit), (char *)&answers->told[packet->ray[0]]);
+    else HYI_I(hyi_unpack_records)(swarm, packet, &finds, false, HYI_WORDS_OF(hyk_hit), (char *)&answers->hits[packet->ray[0]]);
 }
 
 /* Answers the rays of count packets. */
@@ -16294,13 +17237,210 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
         }
     }
 }
+/* ---- a list of flights at a leaf (expanded once for each instruction set)
+
+   Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
+   may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
+   once, one after the other, and without a branch: most would be guessed wrong, and what comes next would wait. */
+
+/* ---- many */
+
+/* Flights side by side: what triangles need of them, where packets keep it. */
+typedef struct HYI_I(hyi_abreast) {
+    hyi_packet rays;
+    hyi_flight *flights[HYI_PACKET_WIDTH];
+    HYI_I(hyi_block) turn; /* its y and z */
+    uint32_t live;         /* bits of the lanes with a flight */
+} HYI_I(hyi_abreast);
+
+/* Flights by their numbers; lanes beyond the last repeat the first. false: float tells nothing of some. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_abreast)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, HYI_I(hyi_abreast) *abreast) {
+    const char *at[HYI_LANES];
+    HYI_FW limits[4], start[4], frame[4];
+    hyi_packet *rays = &abreast->rays;
+    uint32_t exact = 0;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &swarm->flights[list[i < count ? i : 0u]];
+        abreast->flights[i] = flight;
+        at[i] = (const char *)flight;
+        exact |= flight->aim.exact;
+    }
+    if (exact) return false;
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.t_near), limits);
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.origin), start);
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.shear[1]), frame);
+    HYI_STOREW(rays->t_near, limits[0]);
+    HYI_STOREW(rays->t_far, limits[1]);
+    HYI_STOREW(rays->inverse_z, limits[2]);
+    HYI_STOREW(rays->least_t, limits[3]);
+    for (uint32_t k = 0; k < 3; k++) HYI_STOREW(rays->origin[k], start[k]);
+    HYI_STOREW(rays->shear[0], start[3]);
+    HYI_STOREW(rays->shear[1], frame[0]);
+    HYI_STOREW(rays->direction[2], HYI_DIVW(HYI_SETW(1.0f), limits[2])); /* a rounding off: bounds of errors are all it is for */
+    abreast->turn.y = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(1));
+    abreast->turn.z = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(2));
+    abreast->live = HYI_ALLW >> (HYI_LANES - count);
+    return true;
+}
+
+/* A triangle for each lane that may hit one: the one that it is judged by next. */
+typedef struct HYI_I(hyi_held) {
+    HYI_I(hyi_meeting) m; /* possible: the lanes that hold one */
+    HYI_FW triangle;
+} HYI_I(hyi_held);
+
+/* Where a lane may hit the triangle it met last, it holds that. misses: all other lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_hold)(HYI_I(hyi_held) *held, const HYI_I(hyi_meeting) *last, HYI_MW misses, uint32_t triangle) {
+    HYI_I(hyi_meeting) *m = &held->m;
+    for (uint32_t i = 0; i < 3; i++) {
+        m->corners[i].x = HYI_CHOOSEW(misses, m->corners[i].x, last->corners[i].x);
+        m->corners[i].y = HYI_CHOOSEW(misses, m->corners[i].y, last->corners[i].y);
+        m->w[i] = HYI_CHOOSEW(misses, m->w[i], last->w[i]);
+        m->t[i] = HYI_CHOOSEW(misses, m->t[i], last->t[i]);
+    }
+    m->least_w = HYI_CHOOSEW(misses, m->least_w, last->least_w);
+    m->most_w = HYI_CHOOSEW(misses, m->most_w, last->most_w);
+    m->first = HYI_CHOOSEW(misses, m->first, last->first);
+    m->last = HYI_CHOOSEW(misses, m->last, last->last);
+    m->possible |= last->possible;
+    held->triangle = HYI_CHOOSEW(misses, held->triangle, HYI_I(hyi_whole)(triangle));
+}
+
+/* Decides for one lane after the other. Returns the bits of those with a hit. */
+HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const hyi_lane_words *triangle, uint32_t mask) {
+    uint32_t found = 0;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        hyi_flight *flight = abreast->flights[lane];
+        if (!hyi_offer(&swarm->site, flight, leaf, triangle->word[lane])) continue;
+        if (swarm->any) hyi_flight_stop(flight);
+        abreast->rays.t_far[lane] = flight->aim.t_far;
+        abreast->rays.least_t[lane] = flight->aim.least_t;
+        found |= 1u << lane;
+    }
+    return found;
+}
+
+/* Judges the triangles held: hits that are nearer for certain than all before are put off, and what float cannot tell is decided.
+   Returns the bits of the lanes with a hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const HYI_I(hyi_held) *held, bool any) {
+    hyi_packet *rays = &abreast->rays;
+    HYI_I(hyi_verdict_all) verdict;
+    hyi_lane_words triangle;
+    float most[HYI_PACKET_WIDTH];
+    HYI_I(hyi_judge_all)(rays, &held->m, &verdict);
+    uint32_t left = held->m.possible & ~verdict.missed;
+    if (!left) return 0;
+    HYI_FW limit = HYI_ADDW(verdict.most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(verdict.most)));
+    HYI_MW nearer = HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(rays->least_t)));
+    uint32_t sure = swarm->site.asks_alpha ? 0u : left & HYI_BITSW(nearer);
+    HYI_STOREW(triangle.bits, held->triangle);
+    if (sure) {
+        HYI_STOREW(most, verdict.most);
+        HYI_STOREW(rays->least_t, HYI_CHOOSEW(nearer, verdict.least, HYI_LOADW(rays->least_t)));
+        HYI_STOREW(rays->t_far, HYI_CHOOSEW(nearer, any ? HYI_SETW(-FLT_MAX) : limit, HYI_LOADW(rays->t_far)));
+    }
+    for (uint32_t mask = sure; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        hyi_put_off(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any, ~0u);
+    }
+    return left == sure ? sure : sure | HYI_I(hyi_offer_to_lanes)(swarm, abreast, leaf, &triangle, left & ~sure);
+}
+
+/* Triangle number triangle of a leaf to all lanes; returns those that certainly miss it. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const float *rows, uint32_t count, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    for (uint32_t k = 0; k < 3; k++) {
+        const float *row = rows + 3u * k * count + triangle;
+        const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[count]), HYI_SETW(row[2u * count])};
+        HYI_FW x = HYI_I(hyi_turn)(&abreast->turn, v, 0), y = HYI_I(hyi_turn)(&abreast->turn, v, 1), z = HYI_I(hyi_turn)(&abreast->turn, v, 2);
+        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, x, y, z);
+    }
+    HYI_MW misses = HYI_I(hyi_meet_corners_all)(&abreast->rays, m);
+    m->possible &= abreast->live;
+    return misses;
+}
+
+/* Offers a leaf's triangles, one after the other, to all lanes. Few lanes may hit any one of them, so these are judged together.
+   Returns how many have a hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t count = hyi_leaf_count(leaf), found = 0;
+    HYI_I(hyi_held) held;
+    (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, 0, &held.m);
+    held.triangle = HYI_I(hyi_whole)(0);
+    for (uint32_t triangle = 1; triangle < count; triangle++) {
+        HYI_I(hyi_meeting) m;
+        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
+        if (!m.possible) continue;
+        if (m.possible & held.m.possible) {
+            found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
+            held.m.possible = 0;
+        }
+        HYI_I(hyi_hold)(&held, &m, misses, triangle);
+    }
+    if (held.m.possible) found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
+    return hyi_count_lanes(found);
+}
+
+/* ---- few */
+
+/* hyi_offer_leaf with the most common ends in one: nothing is hit, or one triangle for certain, before all others. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false, true);
+    uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
+    float least = verdicts.least[lane], most = verdicts.most[lane];
+    uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
+    if (HYI_UNLIKELY((possible & (possible - 1u)) | (possible & ~verdicts.certain) | (nearer ^ 1u))) {
+        bool found = HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
+        if (found && any) hyi_flight_stop(flight);
+        return found;
+    }
+    hyi_put_off(site, flight, leaf, lane, least, most, any, possible ? ~0u : 0u);
+    return possible != 0;
+}
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        if (swarm->site.asks_alpha || flight->aim.exact) {
+            bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
+            if (found && swarm->any) hyi_flight_stop(flight);
+            hits += found ? 1u : 0u;
+        } else {
+            hits += HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any) ? 1u : 0u;
+        }
+    }
+    return hits;
+}
+
+/* ---- all */
+
+/* Some flights, at most HYI_LANES. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    HYI_I(hyi_abreast) abreast;
+    if (!HYI_I(hyi_go_abreast)(swarm, list, count, &abreast)) return HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+    return swarm->any ? HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, true) : HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, false);
+}
+
+/* Returns how many rays of a list hit a triangle of a leaf. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
+    for (; count >= enough; list += HYI_LANES) {
+        uint32_t some = count < HYI_LANES ? count : HYI_LANES;
+        hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
+        count -= some;
+    }
+    return hits + HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+}
 /* ---- many rays (expanded once for each instruction set)
 
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
    a list of flights down says how often these met something nearer than before. */
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space);
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
@@ -16343,14 +17483,15 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hy
     HYI_STORE8(nearest, least);
 }
 
-/* The same of packets, which have their near planes in common. */
+/* The same of packets, which have their near planes in common. Those that seem to meet many children, and begin at different points,
+   are looked at by each ray afterwards: a branch in the midst of the others would be taken by chance. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                    uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
     HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += 8u) {
-        uint32_t some = count - first < 8u ? count - first : 8u;
+        uint32_t some = count - first < 8u ? count - first : 8u, unsure[8], doubts = 0;
         hyi_masks8 masks;
         masks.all = 0;
         for (uint32_t i = 0; i < some; i++) {
@@ -16359,8 +17500,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
             HYI_M8 mask = HYI_I(hyi_meet_boxes_all)(packet, &planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
-            if (packet->spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, packet, node, met);
             masks.bytes[i] = (uint8_t)met;
+            unsure[doubts] = i;
+            doubts += packet->spread && hyi_count_bits(met) >= HYI_MANY_CHILDREN ? 1u : 0u;
+        }
+        for (uint32_t k = 0; k < doubts; k++) {
+            uint32_t i = unsure[k];
+            masks.bytes[i] = (uint8_t)HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[list[first + i]], node, masks.bytes[i]);
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
@@ -16403,19 +17549,6 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
         if (hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], some, dealt[c], node, c);
         else HYI_I(hyi_list_visit_packets)(swarm, node->child[c], some, dealt[c], space + HYI_WIDTH * stride);
     }
-}
-
-/* ---- leaves */
-
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &swarm->flights[list[i]];
-        if (!HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any)) continue;
-        if (swarm->any) hyi_flight_stop(flight);
-        hits++;
-    }
-    return hits;
 }
 
 /* ---- instances */
@@ -16688,10 +17821,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_F8
 #undef HYI_FD
 #undef HYI_FLIGHT_BEGIN
+#undef HYI_FOUR_WORDS
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
-#undef HYI_HALFD
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
@@ -16705,6 +17838,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
 #undef HYI_LOADD
+#undef HYI_LOADH
 #undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
@@ -16756,6 +17890,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_RECORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
 #undef HYI_SIZE8
@@ -16772,6 +17907,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SUBD
 #undef HYI_SUBW
 #undef HYI_TARGET
+#undef HYI_TURN4
 #undef HYI_ZERO8
 #undef HYI_ZEROW
 
@@ -16820,6 +17956,15 @@ HYI_INLINE uint32_t hyi_bits2_2_neon(uint64x2_t low, uint64x2_t high) {
 HYI_INLINE float64x2_t hyi_min2_neon(float64x2_t a, float64x2_t b) { return vbslq_f64(vcltq_f64(a, b), a, b); }
 HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbslq_f64(vcgtq_f64(a, b), a, b); }
 
+/* Four by four: rows become columns. */
+HYI_INLINE void hyi_turn4_neon(float32x4_t a[4]) {
+    float32x4x2_t low = vtrnq_f32(a[0], a[1]), high = vtrnq_f32(a[2], a[3]);
+    for (int k = 0; k < 2; k++) {
+        a[k] = vcombine_f32(vget_low_f32(low.val[k]), vget_low_f32(high.val[k]));
+        a[k + 2] = vcombine_f32(vget_high_f32(low.val[k]), vget_high_f32(high.val[k]));
+    }
+}
+
 #define HYI_TARGET
 #define HYI_I(name) name##_neon
 #define HYI_F4 float32x4_t
@@ -16845,6 +17990,7 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_CHOOSE4(m, a, b) vbslq_f32(m, a, b)
 #define HYI_SAME4(a, b) vceqq_u32(vreinterpretq_u32_f32(a), vreinterpretq_u32_f32(b))
 #define HYI_BITS4_4(low, high) hyi_bits4_4_neon(low, high)
+#define HYI_TURN4(a) hyi_turn4_neon(a)
 #define HYI_PIN4(a) hyi_pin4_neon(a)
 #define HYI_GREATEST4(a) vmaxvq_f32(a)
 #define HYI_LEAST4(a) vminvq_f32(a)
@@ -16864,6 +18010,7 @@ HYI_INLINE float64x2_t hyi_max2_neon(float64x2_t a, float64x2_t b) { return vbsl
 #define HYI_LT2(a, b) vcltq_f64(a, b)
 #define HYI_BITS2_2(low, high) hyi_bits2_2_neon(low, high)
 #define HYI_PIN2(a) hyi_pin2_neon(a)
+#define HYI_RECORDS(rows, words, out) hyi_records(rows, words, out, 8u)
 #define HYI_SIGNED4(size, of) vbslq_f32(vdupq_n_u32(0x80000000u), of, size)
 /* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
    for four floats and two doubles) */
@@ -16974,8 +18121,8 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_set_doubles)(double value) {
     return r;
 }
 
-HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_half_as_doubles)(HYI_I(hyi_f8) a, int half) {
-    HYI_F4 four = half ? a.high : a.low;
+HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_load_half)(const float *p, int half) {
+    HYI_F4 four = HYI_LOAD4(p + 4 * half);
     HYI_I(hyi_d4) r;
     r.low = HYI_LOW_AS_DOUBLES(four);
     r.high = HYI_HIGH_AS_DOUBLES(four);
@@ -17009,6 +18156,21 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_d4) HYI_I(hyi_pin_doubles)(HYI_I(hyi_d4) a) {
 }
 
 /* ---- lists */
+
+/* Four successive words of each of eight rays, as rows of one word of all. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_four_words)(const char *const at[8], size_t offset, HYI_I(hyi_f8) rows[4]) {
+    HYI_F4 low[4], high[4];
+    for (uint32_t k = 0; k < 4u; k++) {
+        low[k] = HYI_LOAD4((const float *)(const void *)(at[k] + offset));
+        high[k] = HYI_LOAD4((const float *)(const void *)(at[4u + k] + offset));
+    }
+    HYI_TURN4(low);
+    HYI_TURN4(high);
+    for (uint32_t k = 0; k < 4u; k++) {
+        rows[k].low = low[k];
+        rows[k].high = high[k];
+    }
+}
 
 /* Appends eight items to the lists of the children that their masks name. By bits: permutations from a table were slower. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
@@ -17047,6 +18209,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_PIN8(a) HYI_I(hyi_pin8)(a)
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words(rays, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
+#define HYI_FOUR_WORDS(at, offset, rows) HYI_I(hyi_four_words)(at, offset, rows)
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW HYI_F8
@@ -17076,7 +18239,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
-#define HYI_HALFD(a, half) HYI_I(hyi_half_as_doubles)(a, half)
+#define HYI_LOADH(p, half) HYI_I(hyi_load_half)(p, half)
 #define HYI_LOADD(p) HYI_I(hyi_load_doubles)(p)
 #define HYI_STORED(p, a) HYI_I(hyi_store_doubles)(p, a)
 #define HYI_STOREH(p, half, a) HYI_I(hyi_store_half)(p, half, a)
@@ -17280,8 +18443,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain.
+   straight: they are judged even if none is possible: for rays of lists that would be guessed wrong too often. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact, bool straight) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
@@ -17293,21 +18457,19 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
+    if (!exact && (straight || verdicts.possible))
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
-/* Offers a leaf's triangles to a ray. Returns whether one was a hit. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
-    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact, found = false;
-    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+/* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
+HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+    bool found = false;
+    for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        if (verdicts.certain >> lane & 1u) {
-            if (verdicts.least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any) || found;
+        if (verdicts->certain >> lane & 1u) {
+            if (verdicts->least[lane] > flight->aim.t_far) continue;
+            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
             found = hyi_offer(site, flight, leaf, lane) || found;
         }
@@ -17316,19 +18478,25 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
     return found;
 }
 
+/* Offers a leaf's triangles to a ray. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact, false);
+    return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
+}
+
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
-        uint32_t lane = hyi_lowest_bit(mask);
-        if (flight->aim.leaf) (void)hyi_offer(site, flight, leaf, lane);
-        else (void)hyi_decide(site, flight, leaf, lane);
-    }
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
+    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
-/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. */
+/* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
+   children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_waiting stack[HYI_STACK], *top = stack;
@@ -17342,7 +18510,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
+            hyi_waiting *waiting = top;
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
+            if (any) continue;
+            hyi_prefetch_child(site->bvh, at);
+            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
@@ -17352,8 +18524,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -17377,15 +18549,14 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
                 uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
-                top->child = nearest;
-                top++->t = -FLT_MAX;
+                *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
         do {
             if (top == stack) return;
             top--;
-        } while (top->t > flight->aim.t_far);
-        at = top->child;
+        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        at = (uint32_t)*top;
     }
 }
 
@@ -17511,10 +18682,9 @@ typedef struct HYI_I(hyi_meeting) {
     uint32_t possible;
 } HYI_I(hyi_meeting);
 
-/* Triangle number triangle of a leaf: the same test as of one ray and eight triangles. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
-    HYI_I(hyi_corner_all) *k = m->corners;
-    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, k);
+/* From its sheared corners on: the same test as of one ray and eight triangles. Returns the lanes that certainly miss it. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_corners_all)(const hyi_packet *packet, HYI_I(hyi_meeting) *m) {
+    const HYI_I(hyi_corner_all) *k = m->corners;
     m->w[0] = HYI_I(hyi_cross_all)(k[2], k[1]);
     m->w[1] = HYI_I(hyi_cross_all)(k[0], k[2]);
     m->w[2] = HYI_I(hyi_cross_all)(k[1], k[0]);
@@ -17525,7 +18695,15 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, 
     m->first = HYI_MINW(HYI_MINW(m->t[0], m->t[1]), m->t[2]);
     m->last = HYI_MAXW(HYI_MAXW(m->t[0], m->t[1]), m->t[2]);
     HYI_MW late = HYI_LTW(HYI_LOADW(packet->t_far), m->first), early = HYI_LTW(m->last, HYI_LOADW(packet->t_near));
-    m->possible = ~HYI_BITSW(HYI_ORW(outside, HYI_ORW(late, early))) & HYI_ALLW;
+    HYI_MW misses = HYI_ORW(outside, HYI_ORW(late, early));
+    m->possible = ~HYI_BITSW(misses) & HYI_ALLW;
+    return misses;
+}
+
+/* Triangle number triangle of a leaf. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_meet_triangle_all)(const hyi_swarm *swarm, const hyi_packet *packet, uint32_t leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, m->corners);
+    (void)HYI_I(hyi_meet_corners_all)(packet, m);
 }
 
 /* What float can tell of a triangle that rays may hit: see hyi_judge_triangles. t of the certain lies between least and most. */
@@ -17554,6 +18732,17 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_all)(const hyi_packet *packet, const 
     verdict->certain = HYI_ANDW(known, HYI_LEW(from, verdict->least));
 }
 
+/* Corners in the sheared frames as hyi_confirm reads them: floats become doubles on their way from memory for less than out of
+   halves of registers. */
+typedef struct HYI_I(hyi_sheared) {
+    float x[3][HYI_PACKET_WIDTH], y[3][HYI_PACKET_WIDTH];
+} HYI_I(hyi_sheared);
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_corner)(HYI_I(hyi_sheared) *corners, int k, HYI_I(hyi_corner_all) corner) {
+    HYI_STOREW(corners->x[k], corner.x);
+    HYI_STOREW(corners->y[k], corner.y);
+}
+
 /* p.x q.y - p.y q.x of floats: both products are exact, the difference is rounded once. */
 HYI_INLINE HYI_TARGET HYI_FD HYI_I(hyi_cross_exact_half)(HYI_FD px, HYI_FD py, HYI_FD qx, HYI_FD qy) {
     return HYI_PIND(HYI_SUBD(HYI_MULD(px, qy), HYI_MULD(py, qx)));
@@ -17576,14 +18765,14 @@ typedef struct HYI_I(hyi_outcome_half) {
     uint32_t doubtful;   /* of those whose t hyi_confirm has to settle */
 } HYI_I(hyi_outcome_half);
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_corner_all) corners[3],
+HYI_INLINE HYI_TARGET void HYI_I(hyi_confirm_half)(const hyi_packet *packet, const HYI_I(hyi_sheared) *corners,
                                                    const HYI_I(hyi_plane_half) *plane, int half, HYI_I(hyi_outcome_half) *outcome) {
-    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_HALFD(HYI_LOADW(packet->origin[2]), half);
+    HYI_FD x[3], y[3], to_corner[3], direction[3], zero = HYI_SETD(0.0), origin_z = HYI_LOADH(packet->origin[2], half);
     for (int i = 0; i < 3; i++) {
-        x[i] = HYI_HALFD(corners[i].x, half);
-        y[i] = HYI_HALFD(corners[i].y, half);
-        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_HALFD(HYI_LOADW(packet->origin[i]), half)));
-        direction[i] = HYI_HALFD(HYI_LOADW(packet->direction[i]), half);
+        x[i] = HYI_LOADH(corners->x[i], half);
+        y[i] = HYI_LOADH(corners->y[i], half);
+        to_corner[i] = HYI_PIND(HYI_SUBD(plane->corner[i], HYI_LOADH(packet->origin[i], half)));
+        direction[i] = HYI_LOADH(packet->direction[i], half);
     }
     HYI_FD a = HYI_I(hyi_cross_exact_half)(x[2], y[2], x[1], y[1]);
     HYI_FD b = HYI_I(hyi_cross_exact_half)(x[0], y[0], x[2], y[2]);
@@ -17657,16 +18846,18 @@ HYI_INLINE bool HYI_I(hyi_take_hit)(const hyi_swarm *swarm, hyi_packet *packet, 
 /* Decides on triangle number triangle of a leaf for the rays in mask. Returns whether one of them was hit. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_decide_for_all)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t triangle, uint32_t mask) {
     HYI_I(hyi_corner_all) corners[3];
+    HYI_I(hyi_sheared) sheared;
     HYI_I(hyi_plane_half) plane;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH] = {0.0f}, v[HYI_PACKET_WIDTH] = {0.0f};
     bool found = false;
     HYI_I(hyi_shear_triangle)(swarm, packet, leaf, triangle, corners);
+    for (int k = 0; k < 3; k++) HYI_I(hyi_store_corner)(&sheared, k, corners[k]);
     HYI_I(hyi_plane_all)(swarm->axis, hyi_leaf_rows(swarm->site.bvh, leaf) + triangle, hyi_leaf_count(leaf), &plane);
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_outcome_half) outcome;
         uint32_t base = (uint32_t)half * (HYI_LANES / 2u), some = mask >> base & ((1u << (HYI_LANES / 2u)) - 1u);
         if (!some) continue;
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_I(hyi_confirm_half)(packet, &sheared, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         for (uint32_t left = some & outcome.doubtful; left; left &= left - 1u) {
             uint32_t lane = base + hyi_lowest_bit(left);
@@ -17755,25 +18946,75 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_to_all)(const hyi_swarm *swarm, hyi_p
     return HYI_I(hyi_decide_for_all)(swarm, packet, leaf, triangle, left);
 }
 
-/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit: those whose corners do not lie all
-   on one side of all rays along an axis of the sheared frames. Rounding is monotone, so what is greater for all rays before
-   it is not less after. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+/* ---- a leaf's triangles, all at once, to all rays of a packet that begin at one point */
+
+/* Where the middle ray of a packet sees a leaf's triangles, and how far off it others may see them. */
+typedef struct HYI_I(hyi_outlook) {
+    HYI_I(hyi_corners) k[3];
+    HYI_F8 half[2];       /* by which shears differ from the middle one */
+    HYI_F8 slack, margin; /* more than rounding makes of x or y, and of an edge function */
+} HYI_I(hyi_outlook);
+
+/* For another ray a corner's x, for one, is off that of the middle ray by up to half |z|. With that in across, what is worked out
+   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf, HYI_I(hyi_outlook) *out) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf);
-    HYI_F8 low[2], high[2], zero = HYI_ZERO8();
-    for (uint32_t k = 0; k < 3u; k++) {
-        HYI_F8 z = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[2]) * count), HYI_SET8(p->origin[2][0])));
-        for (uint32_t a = 0; a < 2u; a++) {
-            HYI_F8 d = HYI_PIN8(HYI_SUB8(HYI_LOADU8(rows + (3u * k + swarm->axis[a]) * count), HYI_SET8(p->origin[a][0])));
-            HYI_F8 one = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_low[a]), z)), other = HYI_PIN8(HYI_MUL8(HYI_SET8(p->shear_high[a]), z));
-            HYI_F8 least = HYI_SUB8(d, HYI_MAX8(one, other)), most = HYI_SUB8(d, HYI_MIN8(one, other));
-            low[a] = k ? HYI_MIN8(low[a], least) : least;
-            high[a] = k ? HYI_MAX8(high[a], most) : most;
+    HYI_F8 across = HYI_ZERO8(), along = across, shear_x = HYI_SET8(-p->shear_middle[0]), shear_y = HYI_SET8(-p->shear_middle[1]);
+    for (uint32_t i = 0; i < 3u; i++) {
+        const float *row = rows + 3u * i * count;
+        HYI_F8 z = HYI_SUB8(HYI_LOADU8(row + swarm->axis[2] * count), HYI_SET8(p->origin[2][0]));
+        HYI_F8 x = HYI_MAD8(shear_x, z, HYI_SUB8(HYI_LOADU8(row + swarm->axis[0] * count), HYI_SET8(p->origin[0][0])));
+        HYI_F8 y = HYI_MAD8(shear_y, z, HYI_SUB8(HYI_LOADU8(row + swarm->axis[1] * count), HYI_SET8(p->origin[1][0])));
+        across = HYI_MAX8(across, HYI_MAX8(HYI_SIZE8(x), HYI_SIZE8(y)));
+        along = HYI_MAX8(along, HYI_SIZE8(z));
+        out->k[i].x = x;
+        out->k[i].y = y;
+        out->k[i].z = z;
+    }
+    for (int a = 0; a < 2; a++) out->half[a] = HYI_SET8(p->shear_half[a]);
+    across = HYI_MAD8(HYI_MAX8(out->half[0], out->half[1]), along, across);
+    out->slack = HYI_MUL8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along));
+    out->margin = HYI_MAD8(across, out->slack, HYI_SET8(HYI_EDGE_LEAST));
+}
+
+/* Those of which one edge function is above zero for all rays, and one below. They are linear in the shears. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_beside_edges)(const HYI_I(hyi_outlook) *out) {
+    HYI_F8 zero = HYI_ZERO8();
+    HYI_M8 above = HYI_LT8(zero, zero), below = above;
+    for (int i = 0; i < 3; i++) {
+        const HYI_I(hyi_corners) *p = &out->k[(i + 2) % 3], *q = &out->k[(i + 1) % 3];
+        HYI_F8 w = HYI_SUB8(HYI_MUL8(p->x, q->y), HYI_MUL8(p->y, q->x));
+        HYI_F8 by_x = HYI_SIZE8(HYI_SUB8(HYI_MUL8(p->y, q->z), HYI_MUL8(p->z, q->y)));
+        HYI_F8 by_y = HYI_SIZE8(HYI_SUB8(HYI_MUL8(p->z, q->x), HYI_MUL8(p->x, q->z)));
+        HYI_F8 range = HYI_MAD8(out->half[0], by_x, HYI_MAD8(out->half[1], by_y, out->margin));
+        above = HYI_OR8(above, HYI_LT8(range, w));
+        below = HYI_OR8(below, HYI_LT8(w, HYI_SUB8(zero, range)));
+    }
+    return HYI_AND8(above, below);
+}
+
+/* Those whose corners lie all on one side of all rays along x, or along y. */
+HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_beside_corners)(const HYI_I(hyi_outlook) *out) {
+    HYI_F8 low[2], high[2], back = HYI_SUB8(HYI_ZERO8(), out->slack);
+    for (int i = 0; i < 3; i++) {
+        HYI_F8 z = HYI_SIZE8(out->k[i].z);
+        for (int a = 0; a < 2; a++) {
+            HYI_F8 at = a ? out->k[i].y : out->k[i].x, off = HYI_MUL8(out->half[a], z), least = HYI_SUB8(at, off), most = HYI_ADD8(at, off);
+            low[a] = i ? HYI_MIN8(low[a], least) : least;
+            high[a] = i ? HYI_MAX8(high[a], most) : most;
         }
     }
-    HYI_M8 beside = HYI_OR8(HYI_OR8(HYI_LT8(zero, low[0]), HYI_LT8(high[0], zero)), HYI_OR8(HYI_LT8(zero, low[1]), HYI_LT8(high[1], zero)));
-    return ~HYI_BITS8(beside) & ((1u << count) - 1u);
+    HYI_M8 after = HYI_OR8(HYI_LT8(out->slack, low[0]), HYI_LT8(out->slack, low[1]));
+    return HYI_OR8(after, HYI_OR8(HYI_LT8(high[0], back), HYI_LT8(high[1], back)));
+}
+
+/* Bits of the triangles of a leaf that rays of a packet which begin at one point may hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_sift_leaf)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf) {
+    HYI_I(hyi_outlook) out;
+    HYI_I(hyi_look_out)(swarm, p, leaf, &out);
+    HYI_M8 beside = HYI_OR8(HYI_I(hyi_beside_edges)(&out), HYI_I(hyi_beside_corners)(&out));
+    return ~HYI_BITS8(beside) & ((1u << hyi_leaf_count(leaf)) - 1u);
 }
 
 /* A ray of a packet as leaves see it. */
@@ -17808,7 +19049,7 @@ HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packe
 /* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false, false);
     bool found = false;
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t triangle = hyi_lowest_bit(mask);
@@ -17839,15 +19080,33 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* node, c: where the leaf hangs; NULL: nowhere. */
+/* Packets of a list some of whose rays meet the box of a leaf, and bits of these. */
+typedef struct HYI_I(hyi_visitors) {
+    uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
+    uint32_t count;
+} HYI_I(hyi_visitors);
+
+/* node, c: where the leaf hangs; NULL: nowhere. Without a branch: it would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c,
+                                              HYI_I(hyi_visitors) *visitors) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[list[i]], node, c) : HYI_ALLW;
+        visitors->packets[kept] = list[i];
+        visitors->rays[kept] = rays;
+        kept += rays ? 1u : 0u;
+    }
+    visitors->count = kept;
+}
+
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_packet *packet = &swarm->packets[list[i]];
+    HYI_I(hyi_visitors) visitors;
+    HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
+    for (uint32_t i = 0; i < visitors.count; i++) {
+        hyi_packet *packet = &swarm->packets[visitors.packets[i]];
+        uint32_t mask = visitors.rays[i];
         bool found = false;
-        if (packet->last_t < packet->first_t) continue;
-        uint32_t mask = node ? HYI_I(hyi_meet_box_each)(swarm, packet, node, c) : HYI_ALLW;
-        if (!mask) continue;
         if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
             for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
         } else {
@@ -17878,9 +19137,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     packet->spread = 0;
     for (int a = 0; a < 2; a++) {
         HYI_FW shear = HYI_LOADW(packet->shear[a]);
-        packet->shear_low[a] = HYI_LEASTW(shear);
-        packet->shear_high[a] = HYI_GREATESTW(shear);
-        if (!(packet->shear_high[a] - packet->shear_low[a] <= HYI_PACKET_SLOPES)) return false;
+        float least = HYI_LEASTW(shear), greatest = HYI_GREATESTW(shear), middle = 0.5f * (least + greatest);
+        packet->shear_middle[a] = middle;
+        packet->shear_half[a] = greatest - middle > middle - least ? greatest - middle : middle - least;
+        if (!(greatest - least <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
         low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
@@ -17969,8 +19229,8 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_turn)(const HYI_I(hyi_block) *block, cons
 /* hyi_aim_shear for all lanes. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_packet)(hyi_packet *packet) {
     for (int half = 0; half < 2; half++) {
-        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_HALFD(HYI_LOADW(packet->direction[2]), half));
-        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_HALFD(HYI_LOADW(packet->direction[i]), half), t_by_z));
+        HYI_FD t_by_z = HYI_DIVD(HYI_SETD(1.0), HYI_LOADH(packet->direction[2], half));
+        for (int i = 0; i < 2; i++) HYI_STOREH(packet->shear[i], half, HYI_MULD(HYI_LOADH(packet->direction[i], half), t_by_z));
         HYI_STOREH(packet->inverse_z, half, t_by_z);
         HYI_STORED(packet->t_by_z + (uint32_t)half * (HYI_LANES / 2u), t_by_z);
     }
@@ -18155,11 +19415,11 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     blank.best.instance = blank.best.primitive = HYK_NONE;
     HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
     HYI_I(hyi_name_axes)(block, plane, axis);
-    const void *boxes[16] = {inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2], far_offset[0], far_offset[1], far_offset[2],
-                             p->t_near, p->t_far, plane[0], plane[1], plane[2], p->inverse_z, p->best_t};
+    const void *boxes[16] = {plane[0], plane[1], plane[2], inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2],
+                             far_offset[0], far_offset[1], far_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
     const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
                                  p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
-    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.inverse));
+    HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.near_plane));
     HYI_LINES(triangles, (char *)flights + offsetof(hyi_flight, aim.origin));
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         hyi_flight *flight = &flights[i];
@@ -18212,7 +19472,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
 
 /* The triangles that a packet found, and who found each. */
 typedef struct HYI_I(hyi_finds) {
-    uint32_t lanes[HYI_PACKET_WIDTH];    /* bits of those that found the same one */
+    HYI_MW same[HYI_PACKET_WIDTH];       /* the lanes that found the same one */
+    uint32_t lanes[HYI_PACKET_WIDTH];    /* their bits */
     uint32_t leaf[HYI_PACKET_WIDTH], triangle[HYI_PACKET_WIDTH], primitive[HYI_PACKET_WIDTH];
     uint32_t count;
     float t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH]; /* by lane */
@@ -18220,51 +19481,65 @@ typedef struct HYI_I(hyi_finds) {
 
 /* Rays of a packet find few triangles. rows: the coordinates of the one that each lane has found, corner k in rows 3 k and on,
    in the order of axis. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, HYI_FW rows[9]) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_gather_finds)(const hyi_bvh *bvh, const hyi_packet *packet, const uint32_t axis[3], HYI_I(hyi_finds) *finds, float rows[9][HYI_PACKET_WIDTH]) {
+    HYI_I(hyi_corner_all) at[3];
     HYI_FW leaves = HYI_LOADW(packet->leaf.bits), triangles = HYI_LOADW(packet->triangle.bits);
     uint32_t left = ~HYI_BITSW(HYI_SAMEW(leaves, HYI_ZEROW())) & HYI_ALLW;
     finds->count = 0;
-    for (int i = 0; i < 9; i++) rows[i] = HYI_ZEROW();
+    for (int i = 0; i < 3; i++) at[i].x = at[i].y = at[i].z = HYI_ZEROW();
     while (left) {
         uint32_t lane = hyi_lowest_bit(left), k = finds->count++, leaf = packet->leaf.word[lane], triangle = packet->triangle.word[lane];
         HYI_MW same = HYI_ANDW(HYI_SAMEW(leaves, HYI_SETW(packet->leaf.bits[lane])), HYI_SAMEW(triangles, HYI_SETW(packet->triangle.bits[lane])));
         const float *row = hyi_leaf_rows(bvh, leaf) + triangle;
         uint32_t count = hyi_leaf_count(leaf);
-        for (uint32_t i = 0; i < 9u; i++) rows[i] = HYI_CHOOSEW(same, HYI_SETW(row[(3u * (i / 3u) + axis[i % 3u]) * count]), rows[i]);
+        for (uint32_t i = 0; i < 3u; i++) {
+            at[i].x = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[0]) * count]), at[i].x);
+            at[i].y = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[1]) * count]), at[i].y);
+            at[i].z = HYI_CHOOSEW(same, HYI_SETW(row[(3u * i + axis[2]) * count]), at[i].z);
+        }
+        finds->same[k] = same;
         finds->lanes[k] = HYI_BITSW(same);
         finds->leaf[k] = leaf;
         finds->triangle[k] = triangle;
         finds->primitive[k] = bvh->ids[hyi_leaf_first(leaf) + triangle];
         left &= ~finds->lanes[k];
     }
+    for (int i = 0; i < 3; i++) {
+        HYI_STOREW(rows[3 * i], at[i].x);
+        HYI_STOREW(rows[3 * i + 1], at[i].y);
+        HYI_STOREW(rows[3 * i + 2], at[i].z);
+    }
 }
 
 /* The planes of as many triangles as there are lanes. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(const HYI_FW rows[9], int half, HYI_I(hyi_plane_half) *plane) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_planes_half)(float rows[9][HYI_PACKET_WIDTH], int half, HYI_I(hyi_plane_half) *plane) {
     HYI_FD e[3], f[3];
     for (int i = 0; i < 3; i++) {
-        plane->corner[i] = HYI_HALFD(rows[i], half);
-        e[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 3], half), plane->corner[i]));
-        f[i] = HYI_PIND(HYI_SUBD(HYI_HALFD(rows[i + 6], half), plane->corner[i]));
+        plane->corner[i] = HYI_LOADH(rows[i], half);
+        e[i] = HYI_PIND(HYI_SUBD(HYI_LOADH(rows[i + 3], half), plane->corner[i]));
+        f[i] = HYI_PIND(HYI_SUBD(HYI_LOADH(rows[i + 6], half), plane->corner[i]));
     }
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3, k = (i + 2) % 3;
         plane->n[i] = HYI_PIND(HYI_SUBD(HYI_PIND(HYI_MULD(e[j], f[k])), HYI_PIND(HYI_MULD(e[k], f[j]))));
     }
-    plane->z[0] = HYI_HALFD(rows[5], half);
-    plane->z[1] = HYI_HALFD(rows[8], half);
+    plane->z[0] = HYI_LOADH(rows[5], half);
+    plane->z[1] = HYI_LOADH(rows[8], half);
 }
 
 /* hyi_confirm for all lanes of a packet, each with its own triangle. Returns bits of those whose t it has to settle itself. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, const HYI_FW rows[9], float *t, float *u, float *v) {
-    HYI_I(hyi_corner_all) corners[3];
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet, float rows[9][HYI_PACKET_WIDTH], float *t, float *u, float *v) {
+    HYI_I(hyi_sheared) corners;
     uint32_t doubtful = 0;
-    for (int k = 0; k < 3; k++) corners[k] = HYI_I(hyi_shear_lanes)(packet, rows[3 * k], rows[3 * k + 1], rows[3 * k + 2]);
+    for (int k = 0; k < 3; k++) {
+        HYI_FW x = HYI_LOADW(rows[3 * k]), y = HYI_LOADW(rows[3 * k + 1]), z = HYI_LOADW(rows[3 * k + 2]);
+        HYI_I(hyi_store_corner)(&corners, k, HYI_I(hyi_shear_lanes)(packet, x, y, z));
+    }
     for (int half = 0; half < 2; half++) {
         HYI_I(hyi_plane_half) plane;
         HYI_I(hyi_outcome_half) outcome;
         HYI_I(hyi_planes_half)(rows, half, &plane);
-        HYI_I(hyi_confirm_half)(packet, corners, &plane, half, &outcome);
+        HYI_I(hyi_confirm_half)(packet, &corners, &plane, half, &outcome);
         HYI_STOREH(t, half, outcome.t);
         HYI_I(hyi_store_weights)(&outcome, half, u, v);
         doubtful |= outcome.doubtful << (uint32_t)half * (HYI_LANES / 2u);
@@ -18274,7 +19549,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_confirm_rows)(const hyi_packet *packet,
 
 /* Works out all hits of a packet. */
 HYI_FN HYI_TARGET void HYI_I(hyi_work_out)(const hyi_swarm *swarm, const hyi_packet *packet, HYI_I(hyi_finds) *finds) {
-    HYI_FW rows[9];
+    float rows[9][HYI_PACKET_WIDTH];
     uint32_t axis[3];
     hyi_group_axes(packet->group, axis);
     HYI_I(hyi_gather_finds)(swarm->site.bvh, packet, axis, finds, rows);
@@ -18321,11 +19596,9 @@ HYI_INLINE void HYI_I(hyi_take_worked_out)(const hyi_site *site, hyi_flight *fli
 /* hyi_settle of all. */
 HYI_FN HYI_TARGET void HYI_I(hyi_settle_lanes)(const hyi_site *site, const HYI_I(hyi_put_off) *some) {
     float at[9][HYI_PACKET_WIDTH], t[HYI_PACKET_WIDTH], u[HYI_PACKET_WIDTH], v[HYI_PACKET_WIDTH];
-    HYI_FW rows[9];
     hyi_packet packet;
     for (uint32_t i = 0; i < HYI_LANES; i++) HYI_I(hyi_lay_flight)(site->bvh, some->flights[i < some->count ? i : 0u], &packet, at, i);
-    for (int i = 0; i < 9; i++) rows[i] = HYI_LOADW(at[i]);
-    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, rows, t, u, v);
+    uint32_t doubtful = HYI_I(hyi_confirm_rows)(&packet, at, t, u, v);
     for (uint32_t i = 0; i < some->count; i++) {
         if (doubtful >> i & 1u) hyi_settle(site, some->flights[i]);
         else HYI_I(hyi_take_worked_out)(site, some->flights[i], t[i], u[i], v[i]);
@@ -18363,43 +19636,57 @@ HYI_INLINE void HYI_I(hyi_unpack_occluded)(const hyi_packet *packet, uint8_t *oc
     }
 }
 
-HYI_INLINE void HYI_I(hyi_unpack_misses)(const hyi_packet *packet, const HYI_I(hyi_finds) *finds, const hyi_answers *answers) {
-    uint32_t left = packet->live;
-    for (uint32_t f = 0; f < finds->count; f++) left &= ~finds->lanes[f];
-    for (; left; left &= left - 1u) {
-        uint32_t ray = packet->ray[hyi_lowest_bit(left)];
-        if (answers->told) hyi_tell_miss(&answers->told[ray]);
-        else hyi_answer_miss(&answers->hits[ray]);
-    }
-}
-
-/* The rays that found one triangle. Packets of rays are in the first tree alone, whose triangles are unmoved. */
-HYI_INLINE void HYI_I(hyi_unpack_find)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds, uint32_t f, const hyi_answers *answers) {
+/* What the rays of one find have in common. Packets of rays are in the first tree alone, whose triangles are unmoved. */
+HYI_INLINE void HYI_I(hyi_record_find)(const hyi_swarm *swarm, const HYI_I(hyi_finds) *finds, uint32_t f, bool told, hyi_record *record) {
     const hyi_accel *accel = swarm->site.accel;
     hyk_hit hit;
-    hydra_hit told;
-    hyi_tell_miss(&told);
     hit.t = hit.u = hit.v = 0.0f;
     hit.instance = swarm->site.instance;
     hit.primitive = finds->primitive[f];
     hyi_locate_in_world(accel, &hit.instance, &hit.primitive);
-    if (answers->told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &told);
-    for (uint32_t left = finds->lanes[f]; left; left &= left - 1u) {
-        uint32_t lane = hyi_lowest_bit(left), ray = packet->ray[lane];
-        hit.t = finds->t[lane];
-        hit.u = finds->u[lane];
-        hit.v = finds->v[lane];
-        if (answers->told) hyi_tell_alike(&told, hit, &answers->told[ray]);
-        else answers->hits[ray] = hit;
+    if (told) hyi_tell_surface(accel, hit, hyi_normal_of_lane(accel, swarm->site.bvh, finds->leaf[f], finds->triangle[f], hit), &record->told);
+    else record->hit = hit;
+}
+
+/* Answers of all lanes, a row of each of their words. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_record_all)(const hyi_swarm *swarm, const HYI_I(hyi_finds) *finds, bool told, uint32_t words,
+                                                 float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH]) {
+    hyi_record record;
+    HYI_FW row[HYI_RECORD_WORDS];
+    if (told) hyi_tell_miss(&record.told);
+    else hyi_answer_miss(&record.hit);
+    for (uint32_t w = 0; w < words; w++) row[w] = HYI_SETW(record.words[w]);
+    for (uint32_t f = 0; f < finds->count; f++) {
+        HYI_MW same = finds->same[f];
+        HYI_I(hyi_record_find)(swarm, finds, f, told, &record);
+        row[0] = HYI_CHOOSEW(same, HYI_LOADW(finds->t), row[0]);
+        row[1] = HYI_CHOOSEW(same, HYI_LOADW(finds->u), row[1]);
+        row[2] = HYI_CHOOSEW(same, HYI_LOADW(finds->v), row[2]);
+        for (uint32_t w = 3; w < words; w++) row[w] = HYI_CHOOSEW(same, HYI_SETW(record.words[w]), row[w]);
     }
+    for (uint32_t w = 0; w < words; w++) HYI_STOREW(rows[w], row[w]);
+}
+
+/* Answers of so many words each, to those of HYI_LANES rays that live. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_unpack_records)(const hyi_swarm *swarm, const hyi_packet *packet, const HYI_I(hyi_finds) *finds,
+                                                     bool told, uint32_t words, char *out) {
+    float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH];
+    char all[HYI_PACKET_WIDTH * sizeof(hyi_record)];
+    size_t size = words * sizeof(float);
+    HYI_I(hyi_record_all)(swarm, finds, told, words, rows);
+    if (packet->live == HYI_ALLW) {
+        HYI_RECORDS(rows, words, out);
+        return;
+    }
+    HYI_RECORDS(rows, words, all);
+    for (uint32_t left = packet->live; left; left &= left - 1u) memcpy(out + hyi_lowest_bit(left) * size, all + hyi_lowest_bit(left) * size, size);
 }
 
 HYI_FN HYI_TARGET void HYI_I(hyi_unpack_rays)(const hyi_swarm *swarm, const hyi_packet *packet, const hyi_answers *answers) {
-    hyi_answers to = *answers;
     HYI_I(hyi_finds) finds;
     HYI_I(hyi_work_out)(swarm, packet, &finds);
-    for (uint32_t f = 0; f < finds.count; f++) HYI_I(hyi_unpack_find)(swarm, packet, &finds, f, &to);
-    HYI_I(hyi_unpack_misses)(packet, &finds, &to);
+    if (answers->told) HYI_I(hyi_unpack_records)(swarm, packet, &finds, true, HYI_WORDS_OF(hydra_hit), (char *)&answers->told[packet->ray[0]]);
+    else HYI_I(hyi_unpack_records)(swarm, packet, &finds, false, HYI_WORDS_OF(hyk_hit), (char *)&answers->hits[packet->ray[0]]);
 }
 
 /* Answers the rays of count packets. */
@@ -18428,13 +19715,210 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
         }
     }
 }
+/* ---- a list of flights at a leaf (expanded once for each instruction set)
+
+   Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
+   may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
+   once, one after the other, and without a branch: most would be guessed wrong, and what comes next would wait. */
+
+/* ---- many */
+
+/* Flights side by side: what triangles need of them, where packets keep it. */
+typedef struct HYI_I(hyi_abreast) {
+    hyi_packet rays;
+    hyi_flight *flights[HYI_PACKET_WIDTH];
+    HYI_I(hyi_block) turn; /* its y and z */
+    uint32_t live;         /* bits of the lanes with a flight */
+} HYI_I(hyi_abreast);
+
+/* Flights by their numbers; lanes beyond the last repeat the first. false: float tells nothing of some. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_abreast)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, HYI_I(hyi_abreast) *abreast) {
+    const char *at[HYI_LANES];
+    HYI_FW limits[4], start[4], frame[4];
+    hyi_packet *rays = &abreast->rays;
+    uint32_t exact = 0;
+    for (uint32_t i = 0; i < HYI_LANES; i++) {
+        hyi_flight *flight = &swarm->flights[list[i < count ? i : 0u]];
+        abreast->flights[i] = flight;
+        at[i] = (const char *)flight;
+        exact |= flight->aim.exact;
+    }
+    if (exact) return false;
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.t_near), limits);
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.origin), start);
+    HYI_FOUR_WORDS(at, offsetof(hyi_flight, aim.shear[1]), frame);
+    HYI_STOREW(rays->t_near, limits[0]);
+    HYI_STOREW(rays->t_far, limits[1]);
+    HYI_STOREW(rays->inverse_z, limits[2]);
+    HYI_STOREW(rays->least_t, limits[3]);
+    for (uint32_t k = 0; k < 3; k++) HYI_STOREW(rays->origin[k], start[k]);
+    HYI_STOREW(rays->shear[0], start[3]);
+    HYI_STOREW(rays->shear[1], frame[0]);
+    HYI_STOREW(rays->direction[2], HYI_DIVW(HYI_SETW(1.0f), limits[2])); /* a rounding off: bounds of errors are all it is for */
+    abreast->turn.y = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(1));
+    abreast->turn.z = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(2));
+    abreast->live = HYI_ALLW >> (HYI_LANES - count);
+    return true;
+}
+
+/* A triangle for each lane that may hit one: the one that it is judged by next. */
+typedef struct HYI_I(hyi_held) {
+    HYI_I(hyi_meeting) m; /* possible: the lanes that hold one */
+    HYI_FW triangle;
+} HYI_I(hyi_held);
+
+/* Where a lane may hit the triangle it met last, it holds that. misses: all other lanes. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_hold)(HYI_I(hyi_held) *held, const HYI_I(hyi_meeting) *last, HYI_MW misses, uint32_t triangle) {
+    HYI_I(hyi_meeting) *m = &held->m;
+    for (uint32_t i = 0; i < 3; i++) {
+        m->corners[i].x = HYI_CHOOSEW(misses, m->corners[i].x, last->corners[i].x);
+        m->corners[i].y = HYI_CHOOSEW(misses, m->corners[i].y, last->corners[i].y);
+        m->w[i] = HYI_CHOOSEW(misses, m->w[i], last->w[i]);
+        m->t[i] = HYI_CHOOSEW(misses, m->t[i], last->t[i]);
+    }
+    m->least_w = HYI_CHOOSEW(misses, m->least_w, last->least_w);
+    m->most_w = HYI_CHOOSEW(misses, m->most_w, last->most_w);
+    m->first = HYI_CHOOSEW(misses, m->first, last->first);
+    m->last = HYI_CHOOSEW(misses, m->last, last->last);
+    m->possible |= last->possible;
+    held->triangle = HYI_CHOOSEW(misses, held->triangle, HYI_I(hyi_whole)(triangle));
+}
+
+/* Decides for one lane after the other. Returns the bits of those with a hit. */
+HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const hyi_lane_words *triangle, uint32_t mask) {
+    uint32_t found = 0;
+    for (; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        hyi_flight *flight = abreast->flights[lane];
+        if (!hyi_offer(&swarm->site, flight, leaf, triangle->word[lane])) continue;
+        if (swarm->any) hyi_flight_stop(flight);
+        abreast->rays.t_far[lane] = flight->aim.t_far;
+        abreast->rays.least_t[lane] = flight->aim.least_t;
+        found |= 1u << lane;
+    }
+    return found;
+}
+
+/* Judges the triangles held: hits that are nearer for certain than all before are put off, and what float cannot tell is decided.
+   Returns the bits of the lanes with a hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const HYI_I(hyi_held) *held, bool any) {
+    hyi_packet *rays = &abreast->rays;
+    HYI_I(hyi_verdict_all) verdict;
+    hyi_lane_words triangle;
+    float most[HYI_PACKET_WIDTH];
+    HYI_I(hyi_judge_all)(rays, &held->m, &verdict);
+    uint32_t left = held->m.possible & ~verdict.missed;
+    if (!left) return 0;
+    HYI_FW limit = HYI_ADDW(verdict.most, HYI_MULW(HYI_SETW(4.0f * HYI_ULP), HYI_SIZEW(verdict.most)));
+    HYI_MW nearer = HYI_ANDW(verdict.certain, HYI_LTW(verdict.most, HYI_LOADW(rays->least_t)));
+    uint32_t sure = swarm->site.asks_alpha ? 0u : left & HYI_BITSW(nearer);
+    HYI_STOREW(triangle.bits, held->triangle);
+    if (sure) {
+        HYI_STOREW(most, verdict.most);
+        HYI_STOREW(rays->least_t, HYI_CHOOSEW(nearer, verdict.least, HYI_LOADW(rays->least_t)));
+        HYI_STOREW(rays->t_far, HYI_CHOOSEW(nearer, any ? HYI_SETW(-FLT_MAX) : limit, HYI_LOADW(rays->t_far)));
+    }
+    for (uint32_t mask = sure; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        hyi_put_off(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any, ~0u);
+    }
+    return left == sure ? sure : sure | HYI_I(hyi_offer_to_lanes)(swarm, abreast, leaf, &triangle, left & ~sure);
+}
+
+/* Triangle number triangle of a leaf to all lanes; returns those that certainly miss it. */
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const float *rows, uint32_t count, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+    for (uint32_t k = 0; k < 3; k++) {
+        const float *row = rows + 3u * k * count + triangle;
+        const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[count]), HYI_SETW(row[2u * count])};
+        HYI_FW x = HYI_I(hyi_turn)(&abreast->turn, v, 0), y = HYI_I(hyi_turn)(&abreast->turn, v, 1), z = HYI_I(hyi_turn)(&abreast->turn, v, 2);
+        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, x, y, z);
+    }
+    HYI_MW misses = HYI_I(hyi_meet_corners_all)(&abreast->rays, m);
+    m->possible &= abreast->live;
+    return misses;
+}
+
+/* Offers a leaf's triangles, one after the other, to all lanes. Few lanes may hit any one of them, so these are judged together.
+   Returns how many have a hit. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
+    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
+    uint32_t count = hyi_leaf_count(leaf), found = 0;
+    HYI_I(hyi_held) held;
+    (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, 0, &held.m);
+    held.triangle = HYI_I(hyi_whole)(0);
+    for (uint32_t triangle = 1; triangle < count; triangle++) {
+        HYI_I(hyi_meeting) m;
+        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
+        if (!m.possible) continue;
+        if (m.possible & held.m.possible) {
+            found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
+            held.m.possible = 0;
+        }
+        HYI_I(hyi_hold)(&held, &m, misses, triangle);
+    }
+    if (held.m.possible) found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
+    return hyi_count_lanes(found);
+}
+
+/* ---- few */
+
+/* hyi_offer_leaf with the most common ends in one: nothing is hit, or one triangle for certain, before all others. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
+    HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false, true);
+    uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
+    float least = verdicts.least[lane], most = verdicts.most[lane];
+    uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
+    if (HYI_UNLIKELY((possible & (possible - 1u)) | (possible & ~verdicts.certain) | (nearer ^ 1u))) {
+        bool found = HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
+        if (found && any) hyi_flight_stop(flight);
+        return found;
+    }
+    hyi_put_off(site, flight, leaf, lane, least, most, any, possible ? ~0u : 0u);
+    return possible != 0;
+}
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight *flight = &swarm->flights[list[i]];
+        hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        if (swarm->site.asks_alpha || flight->aim.exact) {
+            bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
+            if (found && swarm->any) hyi_flight_stop(flight);
+            hits += found ? 1u : 0u;
+        } else {
+            hits += HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any) ? 1u : 0u;
+        }
+    }
+    return hits;
+}
+
+/* ---- all */
+
+/* Some flights, at most HYI_LANES. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    HYI_I(hyi_abreast) abreast;
+    if (!HYI_I(hyi_go_abreast)(swarm, list, count, &abreast)) return HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+    return swarm->any ? HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, true) : HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, false);
+}
+
+/* Returns how many rays of a list hit a triangle of a leaf. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
+    for (; count >= enough; list += HYI_LANES) {
+        uint32_t some = count < HYI_LANES ? count : HYI_LANES;
+        hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
+        count -= some;
+    }
+    return hits + HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+}
 /* ---- many rays (expanded once for each instruction set)
 
    Lists hold numbers of flights, or of packets. Each list of a node's children has room for all of the node's. What sends
    a list of flights down says how often these met something nearer than before. */
 
 HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space);
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count);
 
 /* Keeps of a list the rays that have not met anything nearer than the box of child c since they were put on it; returns
    how many these are. Without a branch: it would be taken by chance. */
@@ -18477,14 +19961,15 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hy
     HYI_STORE8(nearest, least);
 }
 
-/* The same of packets, which have their near planes in common. */
+/* The same of packets, which have their near planes in common. Those that seem to meet many children, and begin at different points,
+   are looked at by each ray afterwards: a branch in the midst of the others would be taken by chance. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                    uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_I(hyi_planes) planes;
     HYI_F8 least = HYI_SET8(FLT_MAX);
     HYI_I(hyi_order_planes)(node, swarm->near_plane, &planes);
     for (uint32_t first = 0; first < count; first += 8u) {
-        uint32_t some = count - first < 8u ? count - first : 8u;
+        uint32_t some = count - first < 8u ? count - first : 8u, unsure[8], doubts = 0;
         hyi_masks8 masks;
         masks.all = 0;
         for (uint32_t i = 0; i < some; i++) {
@@ -18493,8 +19978,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
             HYI_M8 mask = HYI_I(hyi_meet_boxes_all)(packet, &planes, &enter);
             least = HYI_MIN8_WHERE(least, mask, enter);
             uint32_t met = HYI_BITS8(mask);
-            if (packet->spread && hyi_count_bits(met) > 2u) met = HYI_I(hyi_meet_boxes_each)(swarm, packet, node, met);
             masks.bytes[i] = (uint8_t)met;
+            unsure[doubts] = i;
+            doubts += packet->spread && hyi_count_bits(met) >= HYI_MANY_CHILDREN ? 1u : 0u;
+        }
+        for (uint32_t k = 0; k < doubts; k++) {
+            uint32_t i = unsure[k];
+            masks.bytes[i] = (uint8_t)HYI_I(hyi_meet_boxes_each)(swarm, &swarm->packets[list[first + i]], node, masks.bytes[i]);
         }
         HYI_I(hyi_deal_out)(list + first, &masks, lists, stride, dealt);
     }
@@ -18537,19 +20027,6 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
         if (hyi_child_is_leaf(node->child[c])) HYI_I(hyi_list_leaf_packets)(swarm, node->child[c], some, dealt[c], node, c);
         else HYI_I(hyi_list_visit_packets)(swarm, node->child[c], some, dealt[c], space + HYI_WIDTH * stride);
     }
-}
-
-/* ---- leaves */
-
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &swarm->flights[list[i]];
-        if (!HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any)) continue;
-        if (swarm->any) hyi_flight_stop(flight);
-        hits++;
-    }
-    return hits;
 }
 
 /* ---- instances */
@@ -18822,10 +20299,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_F8
 #undef HYI_FD
 #undef HYI_FLIGHT_BEGIN
+#undef HYI_FOUR_WORDS
 #undef HYI_FW
 #undef HYI_GREATEST4
 #undef HYI_GREATESTW
-#undef HYI_HALFD
 #undef HYI_HIGH_AS_DOUBLES
 #undef HYI_I
 #undef HYI_LANES
@@ -18839,6 +20316,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_LOAD4_ALIGNED
 #undef HYI_LOAD8
 #undef HYI_LOADD
+#undef HYI_LOADH
 #undef HYI_LOAD2
 #undef HYI_LOADU8
 #undef HYI_LOADW
@@ -18890,6 +20368,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SETD
 #undef HYI_SETW
 #undef HYI_RAY_WORDS
+#undef HYI_RECORDS
 #undef HYI_SIGNED4
 #undef HYI_SIZE4
 #undef HYI_SIZE8
@@ -18906,6 +20385,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SUBD
 #undef HYI_SUBW
 #undef HYI_TARGET
+#undef HYI_TURN4
 #undef HYI_ZERO8
 #undef HYI_ZEROW
 
@@ -22232,8 +23712,8 @@ HYI_FN hydra_result hyi_query_device(const hydra_scene *scene, const hydra_ray *
     return result;
 }
 
-/* hits, or else occluded. */
-HYI_FN hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
+/* hits, or else occluded. Not inlined: calls with few rays would save registers for it. */
+HYI_NOINLINE hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
     if (scene->context->backend) return count ? hyi_query_device(scene, rays, hits, occluded, count) : HYDRA_OK;
     hyi_answers answers;
     answers.hits = NULL;
