@@ -2,7 +2,7 @@
 
    Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
    may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
-   once, one after the other, and without a branch: most would be guessed wrong, and what comes next would wait. */
+   once, one after the other; what is hit for certain is written down without a branch, which would be guessed wrong too often. */
 
 /* ---- many */
 
@@ -125,11 +125,13 @@ HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_ab
    Returns how many have a hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
-    uint32_t count = hyi_leaf_count(leaf), found = 0;
+    uint32_t count = hyi_leaf_count(leaf), triangle = 0, found = 0;
     HYI_I(hyi_held) held;
-    (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, 0, &held.m);
-    held.triangle = HYI_I(hyi_whole)(0);
-    for (uint32_t triangle = 1; triangle < count; triangle++) {
+    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &held.m);
+    while (!held.m.possible && ++triangle < count);
+    if (triangle == count) return 0;
+    held.triangle = HYI_I(hyi_whole)(triangle);
+    while (++triangle < count) {
         HYI_I(hyi_meeting) m;
         HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
         if (!m.possible) continue;
@@ -145,10 +147,12 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *sw
 
 /* ---- few */
 
-/* hyi_offer_leaf with the most common ends in one: nothing is hit, or one triangle for certain, before all others. */
+/* hyi_offer_leaf with the most common ends in one: nothing is hit after all, or one triangle for certain, before all others. Whether
+   any is possible stays a branch: among thin triangles few are, and rays need not wait for the rest. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false, true);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
+    if (!verdicts.possible) return false;
     uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
     float least = verdicts.least[lane], most = verdicts.most[lane];
     uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
@@ -189,7 +193,7 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm,
 /* Returns how many rays of a list hit a triangle of a leaf. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
-    for (; count >= enough; list += HYI_LANES) {
+    for (; count >= enough || count >= HYI_LANES; list += HYI_LANES) {
         uint32_t some = count < HYI_LANES ? count : HYI_LANES;
         hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
         count -= some;
