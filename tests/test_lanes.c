@@ -357,7 +357,7 @@ static void many_rays(void **state) {
     hyi_site site = hyi_first_site(&s.scene->accel);
     hyi_begun begun = {0, 0, 0, true};
     hyi_answers answers = {tl_hits, NULL, NULL};
-    HYI_DISPATCH_VECTOR(site.accel->isa, hyi_begin_rays, (&site, &stream, tl_rays, &answers, stream.capacity, &begun))
+    HYI_DISPATCH_VECTOR(site.accel->isa, hyi_begin_rays, (&site, &stream, tl_rays, &answers, stream.capacity, stream.packet_share, &begun))
     assert_true(begun.sound && begun.flights <= begun.rays / 4);
     hyi_ray_stream_free(s.host.context, &stream);
     tl_end(&s);

@@ -319,10 +319,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
 }
 
 /* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
-   are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
+   are count, at most capacity, or share packets; share 0: none are made. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
-                                             uint32_t count, hyi_begun *begun) {
-    for (uint32_t first; (first = begun->rays) < count && begun->packets + HYI_LANES / HYI_PACKET_LEAST < stream->packet_share; begun->rays += HYI_LANES) {
+                                             uint32_t count, uint32_t share, hyi_begun *begun) {
+    for (uint32_t first; (first = begun->rays) < count && (share == 0 || begun->packets + HYI_LANES / HYI_PACKET_LEAST < share); begun->rays += HYI_LANES) {
         float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         hyi_packet *packet = &stream->packets[begun->packets];
@@ -332,7 +332,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
             continue;
         }
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        uint32_t rest = site->bvh->rows ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
         if (rest == 0) continue;
         HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);

@@ -509,6 +509,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
     HYI_I(hyi_visitors) visitors;
+    swarm->stream->leaf_visits += count;
     HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
     for (uint32_t i = 0; i < visitors.count; i++) {
         hyi_packet *packet = &swarm->packets[visitors.packets[i]];

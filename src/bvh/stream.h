@@ -25,6 +25,10 @@
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
 #define HYI_MANY_CHILDREN 4u     /* met by the bounds of a packet, make it worth looking at each of its rays */
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
+#define HYI_PACKET_PROBE 18u     /* where packets had scattered, so many are made of a slice's first rays, to see whether they still do */
+/* Whether rays that any hit ends had better not go in packets: one that comes to more than twenty leaves, where a ray comes to two or three,
+   has fallen apart, and is on its way for a ray or two at a time. */
+#define HYI_SCATTERED(visits, packets) ((visits) > 20u * (packets))
 /* Whether so many rays of a packet meet a leaf of so many triangles sooner one by one: each then meets all of them at once, which
    takes a third longer than it takes all rays to meet one. */
 #define HYI_SOONER_EACH(rays, triangles) (4u * (rays) <= 3u * (triangles))
@@ -76,6 +80,8 @@ typedef struct hyi_ray_stream {
     uint32_t capacity;     /* rays on their way at a time; 0: none, rays go one by one */
     uint32_t packet_share; /* packets on their way at a time */
     uint32_t levels;       /* 1, or 2 where there are instances: flights in the first tree, then in theirs */
+    uint32_t leaf_visits;  /* of packets, each to each leaf */
+    bool scattered;        /* whether the last packets that any hit ends made too many of these */
     hyi_packet *packets;   /* packet_share: on one level, for only trees of triangles have any; the block begins here */
     hyi_flight *flights;   /* levels times capacity */
     uint32_t *lists;       /* list_count */

@@ -342,9 +342,13 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
     swarm.flights = NULL;
     swarm.packets = stream->packets;
     swarm.any = answers->occluded != NULL;
+    uint32_t share = swarm.any && stream->scattered && HYI_PACKET_PROBE < stream->packet_share ? HYI_PACKET_PROBE : stream->packet_share;
     while (begun.rays < count) {
-        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, &begun);
+        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, share, &begun);
+        stream->leaf_visits = 0;
         if (begun.packets) HYI_I(hyi_run_packets)(&swarm, begun.packets, stream->lists);
+        if (swarm.any && begun.packets) stream->scattered = HYI_SCATTERED(stream->leaf_visits, begun.packets);
+        share = swarm.any && stream->scattered ? 0u : stream->packet_share;
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
