@@ -493,12 +493,12 @@ HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *da
 
    Speed. One call with many rays beats many calls: from some fifty rays on they go through the tree together. Best is an
    order in which neighbours are alike (the pixels of a small block, then their shadow rays): those go as packets. Others
-   go in lists of up to 4096, the longer the better where rays begin near each other. Use several threads by calling from
-   several, each with its share. `make bench-rays` measures all this.
+   go in lists of up to 8192, or 4096 where any hit does: the longer the better, where rays begin near each other. Use several
+   threads by calling from several, each with its share. `make bench-rays` measures all this.
 
-   Memory. A call with some fifty or more rays takes memory from the allocator and returns it: 0.2 MB and half a kilobyte a
-   ray, never more than 2 MB (3 MB in scenes with instances). Where the allocator or the cap refuses, the answers are the
-   same, later.
+   Memory. A call with some fifty or more rays takes memory from the allocator and returns it: 0.2 MB and about half a
+   kilobyte a ray, never more than 3.2 MB (4.8 MB in scenes with instances); where any hit does, 1.8 MB (2.6 MB). Where the
+   allocator or the cap refuses, the answers are the same, later.
    Arrays of rays and hits are the caller's; nothing is kept.
 
    Changing scenes. Mark meshes that move or change as dynamic; see hydra_scene_move_vertices, HYDRA_BUILD_FAST and

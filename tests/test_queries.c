@@ -499,8 +499,8 @@ static void a_cap_that_refuses(void **state) {
         tq_world free_one, capped;
         (void)tq_open(&free_one, kind, HYDRA_ISA_AUTO, 0);
         size_t now = (size_t)free_one.host.memory.bytes_now, peak = hydra_memory(free_one.host.context).bytes_peak;
-        size_t taken = tq_taken(&free_one, count, true);
-        assert_int_equal(tq_taken(&free_one, count, false), taken);
+        size_t taken = tq_taken(&free_one, count, false);
+        assert_true(tq_taken(&free_one, count, true) <= taken);
         bool streams = tq_has_streams(&free_one);
         tq_close(&free_one);
         assert_true(!streams || now + taken > peak);
@@ -518,7 +518,7 @@ static void a_cap_that_refuses(void **state) {
     }
 }
 
-/* As api.h says: nothing below some fifty rays, and at most 2 MB, with instances 3 MB. */
+/* As api.h says: nothing below some fifty rays, and at most 3.2 MB, with instances 4.8 MB; where any hit does, 1.8 and 2.6 MB. */
 static void memory_of_a_query(void **state) {
     (void)state;
     static const uint32_t counts[] = {1, 47, 50, 256, 1000, 4096, 4097, 65536, TQ_MOST};
@@ -530,11 +530,11 @@ static void memory_of_a_query(void **state) {
             for (uint32_t i = 0; i < sizeof counts / sizeof counts[0]; i++) {
                 if (counts[i] > 4097 && !tq_has_streams(&w)) continue; /* these take no time with streams */
                 size_t taken = tq_taken(&w, counts[i], true), closest = tq_taken(&w, counts[i], false);
-                if (closest > taken) taken = closest;
-                if (taken > most[kind]) most[kind] = taken;
-                assert_true(taken == 0 || counts[i] >= 48);
-                assert_true(taken <= (kind == TQ_INSTANCES ? 3000000u : 2000000u));
-                assert_true(!tq_has_streams(&w) || counts[i] < 50 || taken > 0);
+                if (closest > most[kind]) most[kind] = closest;
+                assert_true((taken == 0 && closest == 0) || counts[i] >= 48);
+                assert_true(taken <= (kind == TQ_INSTANCES ? 2600000u : 1800000u));
+                assert_true(closest <= (kind == TQ_INSTANCES ? 4800000u : 3200000u));
+                assert_true(!tq_has_streams(&w) || counts[i] < 50 || (taken > 0 && closest > 0));
             }
             tq_close(&w);
         }

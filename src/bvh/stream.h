@@ -17,7 +17,8 @@
 
 #include "answer.h"
 
-#define HYI_STREAM_RAYS 4096u    /* on their way at a time */
+#define HYI_STREAM_RAYS 8192u     /* on their way at a time */
+#define HYI_STREAM_RAYS_ANY 4096u /* of those that any hit ends: nearly all of their way is in long lists */
 #define HYI_STREAM_PACKETS 128u  /* of them at a time, at most */
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_CULL_SHARE 6u        /* if fewer than one in so many met something, lists are not looked through for rays to leave out */

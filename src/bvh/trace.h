@@ -116,9 +116,10 @@ HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const
 HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     hyi_site site = hyi_first_site(accel);
     bool sound = true, whole = true;
+    uint32_t share = answers->occluded && HYI_STREAM_RAYS_ANY < stream->capacity ? HYI_STREAM_RAYS_ANY : stream->capacity;
     for (uint32_t first = 0, some; first < count; first += some) {
         hyi_answers from = hyi_answers_from(answers, first);
-        some = count - first < stream->capacity ? count - first : stream->capacity;
+        some = count - first < share ? count - first : share;
         HYI_DISPATCH_VECTOR(accel->isa, whole = hyi_trace_slice, (&site, stream, rays + first, &from, some))
         sound = sound && whole;
     }

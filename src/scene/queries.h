@@ -70,7 +70,7 @@ HYI_FN bool hyi_query_here(const hydra_scene *scene, const hyk_ray *rays, const 
     const hyi_accel *accel = &scene->accel;
     hyi_ray_stream stream;
     bool sound = true;
-    (void)hyi_ray_stream_alloc(scene->context, accel, count, &stream);
+    (void)hyi_ray_stream_alloc(scene->context, accel, answers->occluded && count > HYI_STREAM_RAYS_ANY ? HYI_STREAM_RAYS_ANY : count, &stream);
     for (size_t first = 0; first < count; first += HYI_QUERY_BATCH) {
         uint32_t n = count - first < HYI_QUERY_BATCH ? (uint32_t)(count - first) : HYI_QUERY_BATCH;
         hyi_answers from = hyi_answers_from(answers, first);
