@@ -47,7 +47,7 @@ static void tb_build_top(tb_scene *s) {
 /* ---- brute force: every triangle of every instance, no box looked at */
 
 static void tb_brute_leaf(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
-    for (uint32_t i = 0; i < hyi_leaf_count(leaf); i++) (void)hyi_offer(site, flight, leaf, i);
+    for (uint32_t i = 0; i < hyi_leaf_count(leaf); i++) (void)hyi_decide(site, flight, leaf, i);
 }
 
 static hyk_hit tb_brute(const tb_scene *s, const hyk_ray *ray) {

@@ -73,7 +73,7 @@ HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abre
     for (; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         hyi_flight *flight = abreast->flights[lane];
-        if (!hyi_offer(&swarm->site, flight, leaf, triangle->word[lane])) continue;
+        if (!HYI_I(hyi_offer)(&swarm->site, flight, leaf, triangle->word[lane])) continue;
         if (swarm->any) hyi_flight_stop(flight);
         abreast->rays.t_far[lane] = flight->aim.t_far;
         abreast->rays.least_t[lane] = flight->aim.least_t;

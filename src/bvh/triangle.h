@@ -259,7 +259,8 @@ HYI_INLINE void hyi_cross_plane(const hyi_aim *aim, const float *rows, uint32_t 
         x->least = at < x->least ? at : x->least;
         x->most = at > x->most ? at : x->most;
     }
-    x->plane = plane < x->least ? x->least : plane > x->most ? x->most : plane;
+    double within = x->least > plane ? x->least : plane;
+    x->plane = x->most < within ? x->most : within;
     if (HYI_ZEROS_ALIKE && plane == 0.0 && x->plane == 0.0) x->plane = hyi_rounded_double(plane);
 }
 
@@ -303,7 +304,10 @@ HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t str
     hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
     const double w[3] = {hyi_cross_exact(cx, by, cy, bx), hyi_cross_exact(ax, cy, ay, cx), hyi_cross_exact(bx, ay, by, ax)};
     double sum = hyi_rounded_double(hyi_rounded_double(w[0] + w[1]) + w[2]);
-    if (((w[0] < 0.0 || w[1] < 0.0 || w[2] < 0.0) && (w[0] > 0.0 || w[1] > 0.0 || w[2] > 0.0)) || sum == 0.0) return HYI_NO_HIT;
+    double least = w[0] < w[1] ? w[0] : w[1], most = w[0] > w[1] ? w[0] : w[1];
+    least = w[2] < least ? w[2] : least;
+    most = w[2] > most ? w[2] : most;
+    if (((least < 0.0) & (most > 0.0)) || sum == 0.0) return HYI_NO_HIT; /* which side a triangle turns to a ray cannot be guessed */
     double inverse = hyi_rounded_double(1.0 / sum), total = hyi_sum_products(w[0], x.t[0], w[1], x.t[1], w[2], x.t[2]);
     double gap = hyi_rounded_double(hyi_rounded_double(x.plane * sum) - total);
     if (HYI_UNLIKELY(fabs(gap) > hyi_rounded_double(hyi_rounded_double(HYI_PLANE_TRUST * fabs(x.t[0])) * fabs(sum))))

@@ -165,24 +165,6 @@ HYI_INLINE void hyi_settle(const hyi_site *site, hyi_flight *flight) {
     (void)hyi_decide(site, flight, leaf, flight->aim.lane);
 }
 
-/* hyi_decide, after what was put off. */
-HYI_NOINLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
-    hyi_settle(site, flight);
-    return hyi_decide(site, flight, leaf, lane);
-}
-
-/* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
-   and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
-HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
-    if (most >= flight->aim.least_t) return hyi_offer(site, flight, leaf, lane);
-    flight->aim.leaf = leaf;
-    flight->aim.lane = lane;
-    flight->aim.least_t = least;
-    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
-    if (any) flight->best.instance = site->instance;
-    return true;
-}
-
 /* A word: the other where mask is all ones, as it was where mask is 0. */
 HYI_INLINE void hyi_put_where(void *at, const void *other, uint32_t mask) {
     uint32_t word, new_word;

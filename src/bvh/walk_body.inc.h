@@ -127,16 +127,38 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     return verdicts;
 }
 
+/* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    uint32_t waits = flight->aim.leaf;
+    if (waits) {
+        flight->aim.leaf = 0;
+        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+    }
+    return hyi_decide(site, flight, leaf, lane);
+}
+
+/* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
+   and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
+    if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
+    flight->aim.leaf = leaf;
+    flight->aim.lane = lane;
+    flight->aim.least_t = least;
+    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
+    if (any) flight->best.instance = site->instance;
+    return true;
+}
+
 /* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
-HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
     bool found = false;
     for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts->certain >> lane & 1u) {
             if (verdicts->least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
+            found = HYI_I(hyi_expect)(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
-            found = hyi_offer(site, flight, leaf, lane) || found;
+            found = HYI_I(hyi_offer)(site, flight, leaf, lane) || found;
         }
         if (found && any) break;
     }
@@ -157,7 +179,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flig
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
