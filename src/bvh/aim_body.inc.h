@@ -24,57 +24,41 @@ HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
     return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
 }
 
-/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. */
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. What is stored as four takes the
+   place of what comes after it in aim, which is written later. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
-    float origin[4], direction[4];
-    HYI_STORE4(origin, o);
-    HYI_STORE4(direction, d);
+    static const hyi_turn turns[3] = {{{1, 2, 0, 0}, {4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 0, 0, 0, 0}},
+                                      {{2, 0, 1, 0}, {8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0}},
+                                      {{0, 1, 2, 0}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 0, 0}}};
+    HYI_STORE_PLACES4(aim->near_plane, d);
     HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
     aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
     aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
-    aim->axis[0] = 0x09u >> 2u * z & 3u; /* 1, 2, 0 */
-    aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
-    aim->axis[2] = z;
-    for (uint32_t a = 0; a < 3; a++) {
-        aim->near_plane[a] = HYI_WIDTH * (2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u));
-        aim->origin[a] = origin[aim->axis[a]];
-        aim->direction[a] = direction[aim->axis[a]];
-    }
+    HYI_STORE4(aim->origin, HYI_BYTES4(o, turns[z].bytes));
+    memcpy(aim->axis, turns[z].axis, sizeof aim->axis);
+    HYI_STORE4(aim->direction, HYI_BYTES4(d, turns[z].bytes));
     hyi_aim_along(aim);
+    aim->leaf = aim->lane = 0;
     aim->unit = aim->inverse_unit = 1.0;
     aim->exact = 0;
 }
 
-/* Whether the bits of a float's size are between those of two others; what is not a number has more than all, and fast-math leaves
-   integers alone. */
-HYI_INLINE bool HYI_I(hyi_size_within)(float value, float least, float most) {
-    uint32_t bits, low, high;
-    memcpy(&bits, &value, sizeof bits);
-    memcpy(&low, &least, sizeof low);
-    memcpy(&high, &most, sizeof high);
-    bits &= 0x7fffffffu;
-    return low <= bits && bits <= high;
-}
-
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
-   or in a tree of boxes. */
+   or in a tree of boxes. Bits are looked at, which fast-math leaves alone: what is not a number has more than all. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
-    uint32_t bits[8];
-    float t_min, t_max, origin[4], direction[4];
-    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
-    memcpy(&t_min, &bits[3], sizeof t_min);
-    memcpy(&t_max, &bits[7], sizeof t_max);
+    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu};  /* HYI_NEAR_BY; t_min is finite */
+    static const uint32_t longest[4] = {0x4e800000u, 0x4e800000u, 0x4e800000u, 0x7f800000u};  /* HYI_LONGEST; t_max may be infinite */
+    static const uint32_t shortest[4] = {0x30800000u, 0x30800000u, 0x30800000u, 0x7fffffffu}; /* HYI_SHORTEST */
+    uint32_t direction[3];
+    float t_min, t_max;
+    memcpy(direction, &ray->direction, sizeof direction);
+    memcpy(&t_min, &ray->t_min, sizeof t_min);
+    memcpy(&t_max, &ray->t_max, sizeof t_max);
     HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
-    uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
-    HYI_STORE4(origin, o);
-    HYI_STORE4(direction, d);
     float limit = hyi_finite_limit(t_max);
-    if (!HYI_I(hyi_size_within)(direction[z], HYI_SHORTEST, HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !bvh->rows) return false;
-    if (!HYI_I(hyi_size_within)(t_min, 0.0f, FLT_MAX) || !(t_min <= limit)) return false;
-    for (uint32_t a = 0; a < 3; a++)
-        if (!HYI_I(hyi_size_within)(origin[a], 0.0f, HYI_NEAR_BY)) return false;
+    if ((HYI_EXCEED4(o, near_by) | HYI_EXCEED4(d, longest)) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
-    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
+    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, HYI_I(hyi_largest_axis)(direction), t_min, limit);
     return true;
 }
 

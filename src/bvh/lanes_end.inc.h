@@ -17,6 +17,7 @@
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
+#undef HYI_BYTES4
 #undef HYI_CHOOSE4
 #undef HYI_CHOOSEW
 #undef HYI_D2
@@ -26,6 +27,7 @@
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
@@ -107,6 +109,7 @@
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
+#undef HYI_STORE_PLACES4
 #undef HYI_STORED
 #undef HYI_STOREH
 #undef HYI_STOREW

@@ -12,6 +12,21 @@
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+#define HYI_EXCEED4(a, most) HYI_I(hyi_exceed4)(a, most)
+#define HYI_BYTES4(a, bytes) _mm_castsi128_ps(_mm_shuffle_epi8(_mm_castps_si128(a), _mm_loadu_si128((const __m128i *)(const void *)(bytes))))
+#define HYI_STORE_PLACES4(p, a) HYI_I(hyi_store_places4)(p, a)
+
+/* Bits of those whose size has greater bits, as an integer. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_exceed4)(__m128 a, const uint32_t most[4]) {
+    __m128i exceeds = _mm_cmpgt_epi32(_mm_castps_si128(HYI_SIZE4(a)), _mm_loadu_si128((const __m128i *)(const void *)most));
+    return (uint32_t)_mm_movemask_ps(_mm_castsi128_ps(exceeds));
+}
+
+/* hyi_aim.near_plane by the signs of a direction; HYI_WIDTH is 8. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_places4)(uint32_t *at, __m128 direction) {
+    __m128i falls = _mm_and_si128(_mm_srli_epi32(_mm_castps_si128(direction), 28), _mm_set1_epi32((int)HYI_WIDTH));
+    _mm_storeu_si128((__m128i *)(void *)at, _mm_or_si128(falls, _mm_setr_epi32(0, (int)(2u * HYI_WIDTH), (int)(4u * HYI_WIDTH), 0)));
+}
 
 /* hyi_records of eight: four words of four lanes at a time, transposed. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_records_four)(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out) {

@@ -46,6 +46,12 @@ HYI_INLINE void hyi_turn4_neon(float32x4_t a[4]) {
     }
 }
 
+/* hyi_aim.near_plane by the bits of a direction; HYI_WIDTH is 8. */
+HYI_INLINE void hyi_store_places4_neon(uint32_t *at, uint32x4_t bits) {
+    static const uint32_t rows[4] = {0, 2u * HYI_WIDTH, 4u * HYI_WIDTH, 0};
+    vst1q_u32(at, vorrq_u32(vandq_u32(vshrq_n_u32(bits, 28), vdupq_n_u32(HYI_WIDTH)), vld1q_u32(rows)));
+}
+
 #define HYI_TARGET
 #define HYI_I(name) name##_neon
 #define HYI_F4 float32x4_t
@@ -93,6 +99,9 @@ HYI_INLINE void hyi_turn4_neon(float32x4_t a[4]) {
 #define HYI_PIN2(a) hyi_pin2_neon(a)
 #define HYI_RECORDS(rows, words, out) hyi_records(rows, words, out, 8u)
 #define HYI_SIGNED4(size, of) vbslq_f32(vdupq_n_u32(0x80000000u), of, size)
+#define HYI_EXCEED4(a, most) vmaxvq_u32(vcgtq_u32(vreinterpretq_u32_f32(vabsq_f32(a)), vld1q_u32(most)))
+#define HYI_BYTES4(a, bytes) vreinterpretq_f32_u8(vqtbl1q_u8(vreinterpretq_u8_f32(a), vld1q_u8(bytes)))
+#define HYI_STORE_PLACES4(p, a) hyi_store_places4_neon(p, vreinterpretq_u32_f32(a))
 #include "lanes_pair.inc.h"
 #include "aim_body.inc.h"
 #include "walk_body.inc.h"

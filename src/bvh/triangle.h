@@ -72,6 +72,12 @@ typedef struct hyi_aim {
 /* A cache line for boxes, one for triangles, and what only a closer look needs. */
 HYI_STATIC_ASSERT(offsetof(hyi_aim, least_t) == 60 && offsetof(hyi_aim, origin) == 64 && offsetof(hyi_aim, leaf) == 108 && offsetof(hyi_aim, t_by_z) == 128);
 
+/* The axes of a sheared frame, and which bytes of four floats, x, y and z first, go there. */
+typedef struct hyi_turn {
+    uint32_t axis[4];
+    uint8_t bytes[16];
+} hyi_turn;
+
 /* What a triangle must beat, and the answer. */
 typedef struct hyi_best {
     float t, u, v;
