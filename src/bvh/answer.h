@@ -141,11 +141,11 @@ HYI_INLINE void hyi_prefetch_answers(const hyi_answers *answers, size_t k, size_
     for (size_t i = 0; i < bytes; i += 64u) hyi_prefetch(at + i);
 }
 
-/* Answers ray number k. */
-HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const hyi_answers *answers, size_t k) {
+/* Answers ray number k; n: as for hyi_tell_flight. */
+HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const double n[3], const hyi_answers *answers, size_t k) {
     if (answers->occluded) answers->occluded[k] = flight->best.instance != HYK_NONE;
-    else if (answers->hits) hyi_answer(accel, &flight->best, &answers->hits[k]);
-    else hyi_tell_flight(accel, flight, NULL, &answers->told[k]);
+    else if (answers->told) hyi_tell_flight(accel, flight, n, &answers->told[k]);
+    else hyi_answer(accel, &flight->best, &answers->hits[k]);
 }
 
 #endif /* HYI_BVH_ANSWER_H */

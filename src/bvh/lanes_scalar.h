@@ -2,7 +2,7 @@
 #ifndef HYI_BVH_SCALAR_H
 #define HYI_BVH_SCALAR_H
 
-#include "walk.h"
+#include "answer.h"
 
 #include "lanes_begin.inc.h"
 

@@ -241,11 +241,6 @@ HYI_INLINE uint32_t hyi_keep_flights(hyi_flight *flights, uint32_t bits) {
     return kept;
 }
 
-HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
-    hyk_ray ray = hyi_load_ray(at);
-    return hyi_ray_is_sound(&ray);
-}
-
 /* Begins the flights of some rays one by one; those that meet nothing are answered at once. */
 HYI_FN void hyi_begin_each(const hyi_site *site, const hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                            uint32_t first, uint32_t count, hyi_begun *begun) {
@@ -255,7 +250,7 @@ HYI_FN void hyi_begin_each(const hyi_site *site, const hyi_ray_stream *stream, c
             begun->flights++;
         } else {
             begun->sound = hyi_was_sound(&rays[i]) && begun->sound;
-            hyi_tell(site->accel, flight, answers, i);
+            hyi_tell(site->accel, flight, NULL, answers, i);
         }
     }
 }

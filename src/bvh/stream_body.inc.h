@@ -353,6 +353,6 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
         begun.packets = 0;
     }
     HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
-    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
+    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], NULL, answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }

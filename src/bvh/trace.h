@@ -92,22 +92,10 @@ HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel
 
 /* ---- one by one */
 
-/* false: the ray meets nothing, and may be unsound. */
-HYI_INLINE bool hyi_trace_one(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
-    bool flies = false;
-    HYI_DISPATCH(site->accel->isa, flies = hyi_trace_one, (site, flight, ray, any))
-    return flies;
-}
-
 /* The tracing functions say whether all rays were sound. */
-HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
-    hyi_site site = hyi_first_site(accel);
+HYI_INLINE bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     bool sound = true;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight flight;
-        if (!hyi_trace_one(&site, &flight, &rays[i], answers->occluded != NULL)) sound = hyi_was_sound(&rays[i]) && sound;
-        hyi_tell(accel, &flight, answers, i);
-    }
+    HYI_DISPATCH(accel->isa, sound = hyi_trace_singles, (accel, rays, answers, count))
     return sound;
 }
 

@@ -272,9 +272,17 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
     }
 }
 
-/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
-    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
-    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
-    return true;
+/* Rays one by one, from their beginnings on; answers them, and returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    bool sound = true, any = answers->occluded != NULL;
+    double n[3];
+    if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
+        hyi_tell(accel, &flight, site.normal, answers, i);
+    }
+    return sound;
 }

@@ -30,36 +30,33 @@ HYI_FN hydra_result hyi_check_query(const hydra_scene *scene, const void *rays, 
     return scene->dirty ? HYDRA_ERROR_NOT_COMMITTED : HYDRA_OK;
 }
 
+/* hits, or else occluded. */
+HYI_INLINE hyi_answers hyi_answers_to(hydra_hit *hits, uint8_t *occluded) {
+    hyi_answers answers;
+    answers.hits = NULL;
+    answers.told = hits;
+    answers.occluded = occluded;
+    return answers;
+}
+
+HYI_INLINE void hyi_ask_shapes(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    if (!accel->shapes) return;
+    if (answers->occluded) hyi_trace_shapes_any(accel, rays, answers->occluded, count);
+    else hyi_trace_shapes_closest(accel, rays, NULL, answers->told, count, false);
+}
+
 /* ---- few rays, one by one: nothing is set up for them that only many need */
 
 HYI_INLINE bool hyi_are_few(const hydra_scene *scene, size_t count) {
     return count < HYI_STREAM_LEAST && !scene->accel.empty && !scene->context->backend;
 }
 
-HYI_FN bool hyi_few_closest(const hyi_accel *accel, const hyk_ray *rays, hydra_hit *hits, uint32_t count) {
-    hyi_site site = hyi_first_site(accel);
-    double n[3];
-    bool sound = true;
-    if (site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight flight;
-        if (!hyi_trace_one(&site, &flight, &rays[i], false)) sound = hyi_was_sound(&rays[i]) && sound;
-        hyi_tell_flight(accel, &flight, site.normal, &hits[i]);
-    }
-    if (accel->shapes) hyi_trace_shapes_closest(accel, rays, NULL, hits, count, false);
-    return sound;
-}
-
-HYI_FN bool hyi_few_any(const hyi_accel *accel, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
-    hyi_site site = hyi_first_site(accel);
-    bool sound = true;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight flight;
-        if (!hyi_trace_one(&site, &flight, &rays[i], true)) sound = hyi_was_sound(&rays[i]) && sound;
-        occluded[i] = flight.best.instance != HYK_NONE;
-    }
-    if (accel->shapes) hyi_trace_shapes_any(accel, rays, occluded, count);
-    return sound;
+HYI_INLINE hydra_result hyi_query_few(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, uint32_t count) {
+    const hyk_ray *from = (const hyk_ray *)(const void *)rays;
+    hyi_answers answers = hyi_answers_to(hits, occluded);
+    bool sound = hyi_trace_singles(&scene->accel, from, &answers, count);
+    hyi_ask_shapes(&scene->accel, from, &answers, count);
+    return sound ? HYDRA_OK : HYDRA_ERROR_RAY;
 }
 
 /* ---- many */
@@ -75,9 +72,7 @@ HYI_FN bool hyi_query_here(const hydra_scene *scene, const hyk_ray *rays, const 
         uint32_t n = count - first < HYI_QUERY_BATCH ? (uint32_t)(count - first) : HYI_QUERY_BATCH;
         hyi_answers from = hyi_answers_from(answers, first);
         sound = hyi_trace(accel, &stream, rays + first, &from, n) && sound;
-        if (!accel->shapes) continue;
-        if (from.occluded) hyi_trace_shapes_any(accel, rays + first, from.occluded, n);
-        else hyi_trace_shapes_closest(accel, rays + first, NULL, from.told, n, false);
+        hyi_ask_shapes(accel, rays + first, &from, n);
     }
     hyi_ray_stream_free(scene->context, &stream);
     return sound;
@@ -102,24 +97,19 @@ HYI_FN hydra_result hyi_query_device(const hydra_scene *scene, const hydra_ray *
 /* hits, or else occluded. Not inlined: calls with few rays would save registers for it. */
 HYI_NOINLINE hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
     if (scene->context->backend) return count ? hyi_query_device(scene, rays, hits, occluded, count) : HYDRA_OK;
-    hyi_answers answers;
-    answers.hits = NULL;
-    answers.told = hits;
-    answers.occluded = occluded;
+    hyi_answers answers = hyi_answers_to(hits, occluded);
     return hyi_query_here(scene, (const hyk_ray *)(const void *)rays, &answers, count) ? HYDRA_OK : HYDRA_ERROR_RAY;
 }
 
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, hits, count));
-    if (hyi_are_few(scene, count))
-        return hyi_few_closest(&scene->accel, (const hyk_ray *)(const void *)rays, hits, (uint32_t)count) ? HYDRA_OK : HYDRA_ERROR_RAY;
+    if (hyi_are_few(scene, count)) return hyi_query_few(scene, rays, hits, NULL, (uint32_t)count);
     return hyi_query_all(scene, rays, hits, NULL, count);
 }
 
 HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydra_ray *rays, uint8_t *occluded, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, occluded, count));
-    if (hyi_are_few(scene, count))
-        return hyi_few_any(&scene->accel, (const hyk_ray *)(const void *)rays, occluded, (uint32_t)count) ? HYDRA_OK : HYDRA_ERROR_RAY;
+    if (hyi_are_few(scene, count)) return hyi_query_few(scene, rays, NULL, occluded, (uint32_t)count);
     return hyi_query_all(scene, rays, NULL, occluded, count);
 }
 
