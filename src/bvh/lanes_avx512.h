@@ -2,7 +2,7 @@
 #ifndef HYI_BVH_AVX512_H
 #define HYI_BVH_AVX512_H
 
-#include "stream.h"
+#include "lanes_avx2.h"
 
 #if HYI_X86
 
