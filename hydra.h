@@ -495,12 +495,12 @@ HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *da
 
    Speed. One call with many rays beats many calls: from some fifty rays on they go through the tree together. Best is an
    order in which neighbours are alike (the pixels of a small block, then their shadow rays): those go as packets. Others
-   go in lists of up to 4096, the longer the better where rays begin near each other. Use several threads by calling from
-   several, each with its share. `make bench-rays` measures all this.
+   go in lists of up to 8192, or 4096 where any hit does: the longer the better, where rays begin near each other. Use several
+   threads by calling from several, each with its share. `make bench-rays` measures all this.
 
-   Memory. A call with some fifty or more rays takes memory from the allocator and returns it: 0.2 MB and half a kilobyte a
-   ray, never more than 2 MB (3 MB in scenes with instances). Where the allocator or the cap refuses, the answers are the
-   same, later.
+   Memory. A call with some fifty or more rays takes memory from the allocator and returns it: 0.2 MB and about half a
+   kilobyte a ray, never more than 3.2 MB (4.8 MB in scenes with instances); where any hit does, 1.8 MB (2.6 MB). Where the
+   allocator or the cap refuses, the answers are the same, later.
    Arrays of rays and hits are the caller's; nothing is kept.
 
    Changing scenes. Mark meshes that move or change as dynamic; see hydra_scene_move_vertices, HYDRA_BUILD_FAST and
@@ -9059,6 +9059,12 @@ typedef struct hyi_aim {
 /* A cache line for boxes, one for triangles, and what only a closer look needs. */
 HYI_STATIC_ASSERT(offsetof(hyi_aim, least_t) == 60 && offsetof(hyi_aim, origin) == 64 && offsetof(hyi_aim, leaf) == 108 && offsetof(hyi_aim, t_by_z) == 128);
 
+/* The axes of a sheared frame, and which bytes of four floats, x, y and z first, go there. */
+typedef struct hyi_turn {
+    uint32_t axis[4];
+    uint8_t bytes[16];
+} hyi_turn;
+
 /* What a triangle must beat, and the answer. */
 typedef struct hyi_best {
     float t, u, v;
@@ -9246,7 +9252,8 @@ HYI_INLINE void hyi_cross_plane(const hyi_aim *aim, const float *rows, uint32_t 
         x->least = at < x->least ? at : x->least;
         x->most = at > x->most ? at : x->most;
     }
-    x->plane = plane < x->least ? x->least : plane > x->most ? x->most : plane;
+    double within = x->least > plane ? x->least : plane;
+    x->plane = x->most < within ? x->most : within;
     if (HYI_ZEROS_ALIKE && plane == 0.0 && x->plane == 0.0) x->plane = hyi_rounded_double(plane);
 }
 
@@ -9290,7 +9297,10 @@ HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t str
     hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
     const double w[3] = {hyi_cross_exact(cx, by, cy, bx), hyi_cross_exact(ax, cy, ay, cx), hyi_cross_exact(bx, ay, by, ax)};
     double sum = hyi_rounded_double(hyi_rounded_double(w[0] + w[1]) + w[2]);
-    if (((w[0] < 0.0 || w[1] < 0.0 || w[2] < 0.0) && (w[0] > 0.0 || w[1] > 0.0 || w[2] > 0.0)) || sum == 0.0) return HYI_NO_HIT;
+    double least = w[0] < w[1] ? w[0] : w[1], most = w[0] > w[1] ? w[0] : w[1];
+    least = w[2] < least ? w[2] : least;
+    most = w[2] > most ? w[2] : most;
+    if (((least < 0.0) & (most > 0.0)) || sum == 0.0) return HYI_NO_HIT; /* which side a triangle turns to a ray cannot be guessed */
     double inverse = hyi_rounded_double(1.0 / sum), total = hyi_sum_products(w[0], x.t[0], w[1], x.t[1], w[2], x.t[2]);
     double gap = hyi_rounded_double(hyi_rounded_double(x.plane * sum) - total);
     if (HYI_UNLIKELY(fabs(gap) > hyi_rounded_double(hyi_rounded_double(HYI_PLANE_TRUST * fabs(x.t[0])) * fabs(sum))))
@@ -9369,6 +9379,11 @@ HYI_INLINE bool hyi_ray_is_sound(const hyk_ray *ray) {
     return !infinite && direction && (bits[7] & 0x7fffffffu) <= 0x7f800000u && ray->t_max >= ray->t_min;
 }
 HYI_STATIC_ASSERT(sizeof(hyk_ray) == 32 && offsetof(hyk_ray, t_min) == 12 && offsetof(hyk_ray, t_max) == 28);
+
+HYI_FN bool hyi_was_sound(const hyk_ray *at) {
+    hyk_ray ray = hyi_load_ray(at);
+    return hyi_ray_is_sound(&ray);
+}
 
 /* ---- what a child of a node stands for */
 
@@ -9472,24 +9487,6 @@ HYI_INLINE void hyi_settle(const hyi_site *site, hyi_flight *flight) {
     if (leaf == 0) return;
     flight->aim.leaf = 0;
     (void)hyi_decide(site, flight, leaf, flight->aim.lane);
-}
-
-/* hyi_decide, after what was put off. */
-HYI_NOINLINE bool hyi_offer(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
-    hyi_settle(site, flight);
-    return hyi_decide(site, flight, leaf, lane);
-}
-
-/* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
-   and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
-HYI_INLINE bool hyi_expect(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
-    if (most >= flight->aim.least_t) return hyi_offer(site, flight, leaf, lane);
-    flight->aim.leaf = leaf;
-    flight->aim.lane = lane;
-    flight->aim.least_t = least;
-    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
-    if (any) flight->best.instance = site->instance;
-    return true;
 }
 
 /* A word: the other where mask is all ones, as it was where mask is 0. */
@@ -9763,11 +9760,11 @@ HYI_INLINE void hyi_prefetch_answers(const hyi_answers *answers, size_t k, size_
     for (size_t i = 0; i < bytes; i += 64u) hyi_prefetch(at + i);
 }
 
-/* Answers ray number k. */
-HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const hyi_answers *answers, size_t k) {
+/* Answers ray number k; n: as for hyi_tell_flight. */
+HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const double n[3], const hyi_answers *answers, size_t k) {
     if (answers->occluded) answers->occluded[k] = flight->best.instance != HYK_NONE;
-    else if (answers->hits) hyi_answer(accel, &flight->best, &answers->hits[k]);
-    else hyi_tell_flight(accel, flight, NULL, &answers->told[k]);
+    else if (answers->told) hyi_tell_flight(accel, flight, n, &answers->told[k]);
+    else hyi_answer(accel, &flight->best, &answers->hits[k]);
 }
 
 #endif /* HYI_BVH_ANSWER_H */
@@ -9789,7 +9786,8 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #ifndef HYI_BVH_STREAM_H
 #define HYI_BVH_STREAM_H
 
-#define HYI_STREAM_RAYS 4096u    /* on their way at a time */
+#define HYI_STREAM_RAYS 8192u     /* on their way at a time */
+#define HYI_STREAM_RAYS_ANY 4096u /* of those that any hit ends: nearly all of their way is in long lists */
 #define HYI_STREAM_PACKETS 128u  /* of them at a time, at most */
 #define HYI_STREAM_LEAST 48u     /* fewer rays go one by one */
 #define HYI_CULL_SHARE 6u        /* if fewer than one in so many met something, lists are not looked through for rays to leave out */
@@ -9797,6 +9795,10 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
 #define HYI_MANY_CHILDREN 4u     /* met by the bounds of a packet, make it worth looking at each of its rays */
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
+#define HYI_PACKET_PROBE 18u     /* where packets had scattered, so many are made of a slice's first rays, to see whether they still do */
+/* Whether rays that any hit ends had better not go in packets: one that comes to more than twenty leaves, where a ray comes to two or three,
+   has fallen apart, and is on its way for a ray or two at a time. */
+#define HYI_SCATTERED(visits, packets) ((visits) > 20u * (packets))
 /* Whether so many rays of a packet meet a leaf of so many triangles sooner one by one: each then meets all of them at once, which
    takes a third longer than it takes all rays to meet one. */
 #define HYI_SOONER_EACH(rays, triangles) (4u * (rays) <= 3u * (triangles))
@@ -9848,6 +9850,8 @@ typedef struct hyi_ray_stream {
     uint32_t capacity;     /* rays on their way at a time; 0: none, rays go one by one */
     uint32_t packet_share; /* packets on their way at a time */
     uint32_t levels;       /* 1, or 2 where there are instances: flights in the first tree, then in theirs */
+    uint32_t leaf_visits;  /* of packets, each to each leaf */
+    bool scattered;        /* whether the last packets that any hit ends made too many of these */
     hyi_packet *packets;   /* packet_share: on one level, for only trees of triangles have any; the block begins here */
     hyi_flight *flights;   /* levels times capacity */
     uint32_t *lists;       /* list_count */
@@ -10006,11 +10010,6 @@ HYI_INLINE uint32_t hyi_keep_flights(hyi_flight *flights, uint32_t bits) {
     return kept;
 }
 
-HYI_INLINE bool hyi_was_sound(const hyk_ray *at) {
-    hyk_ray ray = hyi_load_ray(at);
-    return hyi_ray_is_sound(&ray);
-}
-
 /* Begins the flights of some rays one by one; those that meet nothing are answered at once. */
 HYI_FN void hyi_begin_each(const hyi_site *site, const hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                            uint32_t first, uint32_t count, hyi_begun *begun) {
@@ -10020,7 +10019,7 @@ HYI_FN void hyi_begin_each(const hyi_site *site, const hyi_ray_stream *stream, c
             begun->flights++;
         } else {
             begun->sound = hyi_was_sound(&rays[i]) && begun->sound;
-            hyi_tell(site->accel, flight, answers, i);
+            hyi_tell(site->accel, flight, NULL, answers, i);
         }
     }
 }
@@ -10232,9 +10231,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain.
-   straight: they are judged even if none is possible: for rays of lists that would be guessed wrong too often. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact, bool straight) {
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
@@ -10246,21 +10244,43 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (!exact && (straight || verdicts.possible))
+    if (verdicts.possible && !exact)
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
+/* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    uint32_t waits = flight->aim.leaf;
+    if (waits) {
+        flight->aim.leaf = 0;
+        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+    }
+    return hyi_decide(site, flight, leaf, lane);
+}
+
+/* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
+   and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
+    if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
+    flight->aim.leaf = leaf;
+    flight->aim.lane = lane;
+    flight->aim.least_t = least;
+    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
+    if (any) flight->best.instance = site->instance;
+    return true;
+}
+
 /* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
-HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
     bool found = false;
     for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts->certain >> lane & 1u) {
             if (verdicts->least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
+            found = HYI_I(hyi_expect)(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
-            found = hyi_offer(site, flight, leaf, lane) || found;
+            found = HYI_I(hyi_offer)(site, flight, leaf, lane) || found;
         }
         if (found && any) break;
     }
@@ -10271,7 +10291,7 @@ HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flig
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
 }
 
@@ -10279,9 +10299,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
@@ -10374,11 +10394,19 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
     }
 }
 
-/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
-    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
-    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
-    return true;
+/* Rays one by one, from their beginnings on; answers them, and returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    bool sound = true, any = answers->occluded != NULL;
+    double n[3];
+    if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
+        hyi_tell(accel, &flight, site.normal, answers, i);
+    }
+    return sound;
 }
 /* The words of one instruction set end here. */
 #if HYI_GNU && !defined(__clang__)
@@ -10399,6 +10427,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
+#undef HYI_BYTES4
 #undef HYI_CHOOSE4
 #undef HYI_CHOOSEW
 #undef HYI_D2
@@ -10408,6 +10437,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
@@ -10489,6 +10519,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *fl
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
+#undef HYI_STORE_PLACES4
 #undef HYI_STORED
 #undef HYI_STOREH
 #undef HYI_STOREW
@@ -10762,6 +10793,21 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+#define HYI_EXCEED4(a, most) HYI_I(hyi_exceed4)(a, most)
+#define HYI_BYTES4(a, bytes) _mm_castsi128_ps(_mm_shuffle_epi8(_mm_castps_si128(a), _mm_loadu_si128((const __m128i *)(const void *)(bytes))))
+#define HYI_STORE_PLACES4(p, a) HYI_I(hyi_store_places4)(p, a)
+
+/* Bits of those whose size has greater bits, as an integer. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_exceed4)(__m128 a, const uint32_t most[4]) {
+    __m128i exceeds = _mm_cmpgt_epi32(_mm_castps_si128(HYI_SIZE4(a)), _mm_loadu_si128((const __m128i *)(const void *)most));
+    return (uint32_t)_mm_movemask_ps(_mm_castsi128_ps(exceeds));
+}
+
+/* hyi_aim.near_plane by the signs of a direction; HYI_WIDTH is 8. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_places4)(uint32_t *at, __m128 direction) {
+    __m128i falls = _mm_and_si128(_mm_srli_epi32(_mm_castps_si128(direction), 28), _mm_set1_epi32((int)HYI_WIDTH));
+    _mm_storeu_si128((__m128i *)(void *)at, _mm_or_si128(falls, _mm_setr_epi32(0, (int)(2u * HYI_WIDTH), (int)(4u * HYI_WIDTH), 0)));
+}
 
 /* hyi_records of eight: four words of four lanes at a time, transposed. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_records_four)(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out) {
@@ -10807,57 +10853,41 @@ HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
     return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
 }
 
-/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. */
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. What is stored as four takes the
+   place of what comes after it in aim, which is written later. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
-    float origin[4], direction[4];
-    HYI_STORE4(origin, o);
-    HYI_STORE4(direction, d);
+    static const hyi_turn turns[3] = {{{1, 2, 0, 0}, {4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 0, 0, 0, 0}},
+                                      {{2, 0, 1, 0}, {8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0}},
+                                      {{0, 1, 2, 0}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 0, 0}}};
+    HYI_STORE_PLACES4(aim->near_plane, d);
     HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
     aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
     aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
-    aim->axis[0] = 0x09u >> 2u * z & 3u; /* 1, 2, 0 */
-    aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
-    aim->axis[2] = z;
-    for (uint32_t a = 0; a < 3; a++) {
-        aim->near_plane[a] = HYI_WIDTH * (2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u));
-        aim->origin[a] = origin[aim->axis[a]];
-        aim->direction[a] = direction[aim->axis[a]];
-    }
+    HYI_STORE4(aim->origin, HYI_BYTES4(o, turns[z].bytes));
+    memcpy(aim->axis, turns[z].axis, sizeof aim->axis);
+    HYI_STORE4(aim->direction, HYI_BYTES4(d, turns[z].bytes));
     hyi_aim_along(aim);
+    aim->leaf = aim->lane = 0;
     aim->unit = aim->inverse_unit = 1.0;
     aim->exact = 0;
 }
 
-/* Whether the bits of a float's size are between those of two others; what is not a number has more than all, and fast-math leaves
-   integers alone. */
-HYI_INLINE bool HYI_I(hyi_size_within)(float value, float least, float most) {
-    uint32_t bits, low, high;
-    memcpy(&bits, &value, sizeof bits);
-    memcpy(&low, &least, sizeof low);
-    memcpy(&high, &most, sizeof high);
-    bits &= 0x7fffffffu;
-    return low <= bits && bits <= high;
-}
-
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
-   or in a tree of boxes. */
+   or in a tree of boxes. Bits are looked at, which fast-math leaves alone: what is not a number has more than all. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
-    uint32_t bits[8];
-    float t_min, t_max, origin[4], direction[4];
-    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
-    memcpy(&t_min, &bits[3], sizeof t_min);
-    memcpy(&t_max, &bits[7], sizeof t_max);
+    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu};  /* HYI_NEAR_BY; t_min is finite */
+    static const uint32_t longest[4] = {0x4e800000u, 0x4e800000u, 0x4e800000u, 0x7f800000u};  /* HYI_LONGEST; t_max may be infinite */
+    static const uint32_t shortest[4] = {0x30800000u, 0x30800000u, 0x30800000u, 0x7fffffffu}; /* HYI_SHORTEST */
+    uint32_t direction[3];
+    float t_min, t_max;
+    memcpy(direction, &ray->direction, sizeof direction);
+    memcpy(&t_min, &ray->t_min, sizeof t_min);
+    memcpy(&t_max, &ray->t_max, sizeof t_max);
     HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
-    uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
-    HYI_STORE4(origin, o);
-    HYI_STORE4(direction, d);
     float limit = hyi_finite_limit(t_max);
-    if (!HYI_I(hyi_size_within)(direction[z], HYI_SHORTEST, HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !bvh->rows) return false;
-    if (!HYI_I(hyi_size_within)(t_min, 0.0f, FLT_MAX) || !(t_min <= limit)) return false;
-    for (uint32_t a = 0; a < 3; a++)
-        if (!HYI_I(hyi_size_within)(origin[a], 0.0f, HYI_NEAR_BY)) return false;
+    if ((HYI_EXCEED4(o, near_by) | HYI_EXCEED4(d, longest)) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
-    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
+    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, HYI_I(hyi_largest_axis)(direction), t_min, limit);
     return true;
 }
 
@@ -10973,9 +11003,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain.
-   straight: they are judged even if none is possible: for rays of lists that would be guessed wrong too often. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact, bool straight) {
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
@@ -10987,21 +11016,43 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (!exact && (straight || verdicts.possible))
+    if (verdicts.possible && !exact)
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
+/* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    uint32_t waits = flight->aim.leaf;
+    if (waits) {
+        flight->aim.leaf = 0;
+        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+    }
+    return hyi_decide(site, flight, leaf, lane);
+}
+
+/* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
+   and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
+    if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
+    flight->aim.leaf = leaf;
+    flight->aim.lane = lane;
+    flight->aim.least_t = least;
+    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
+    if (any) flight->best.instance = site->instance;
+    return true;
+}
+
 /* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
-HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
     bool found = false;
     for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts->certain >> lane & 1u) {
             if (verdicts->least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
+            found = HYI_I(hyi_expect)(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
-            found = hyi_offer(site, flight, leaf, lane) || found;
+            found = HYI_I(hyi_offer)(site, flight, leaf, lane) || found;
         }
         if (found && any) break;
     }
@@ -11012,7 +11063,7 @@ HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flig
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
 }
 
@@ -11020,9 +11071,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
@@ -11115,11 +11166,19 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
     }
 }
 
-/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
-    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
-    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
-    return true;
+/* Rays one by one, from their beginnings on; answers them, and returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    bool sound = true, any = answers->occluded != NULL;
+    double n[3];
+    if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
+        hyi_tell(accel, &flight, site.normal, answers, i);
+    }
+    return sound;
 }
 /* ---- packets of alike rays (expanded once for each instruction set) */
 
@@ -11579,7 +11638,7 @@ HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packe
 /* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
     bool found = false;
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t triangle = hyi_lowest_bit(mask);
@@ -11632,6 +11691,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
     HYI_I(hyi_visitors) visitors;
+    swarm->stream->leaf_visits += count;
     HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
     for (uint32_t i = 0; i < visitors.count; i++) {
         hyi_packet *packet = &swarm->packets[visitors.packets[i]];
@@ -11979,10 +12039,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
 }
 
 /* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
-   are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
+   are count, at most capacity, or share packets; share 0: none are made. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
-                                             uint32_t count, hyi_begun *begun) {
-    for (uint32_t first; (first = begun->rays) < count && begun->packets + HYI_LANES / HYI_PACKET_LEAST < stream->packet_share; begun->rays += HYI_LANES) {
+                                             uint32_t count, uint32_t share, hyi_begun *begun) {
+    for (uint32_t first; (first = begun->rays) < count && (share == 0 || begun->packets + HYI_LANES / HYI_PACKET_LEAST < share); begun->rays += HYI_LANES) {
         float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         hyi_packet *packet = &stream->packets[begun->packets];
@@ -11992,7 +12052,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
             continue;
         }
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        uint32_t rest = site->bvh->rows ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
         if (rest == 0) continue;
         HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
@@ -12249,7 +12309,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 
    Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
    may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
-   once, one after the other, and without a branch: most would be guessed wrong, and what comes next would wait. */
+   once, one after the other; what is hit for certain is written down without a branch, which would be guessed wrong too often. */
 
 /* ---- many */
 
@@ -12320,7 +12380,7 @@ HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abre
     for (; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         hyi_flight *flight = abreast->flights[lane];
-        if (!hyi_offer(&swarm->site, flight, leaf, triangle->word[lane])) continue;
+        if (!HYI_I(hyi_offer)(&swarm->site, flight, leaf, triangle->word[lane])) continue;
         if (swarm->any) hyi_flight_stop(flight);
         abreast->rays.t_far[lane] = flight->aim.t_far;
         abreast->rays.least_t[lane] = flight->aim.least_t;
@@ -12372,11 +12432,13 @@ HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_ab
    Returns how many have a hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
-    uint32_t count = hyi_leaf_count(leaf), found = 0;
+    uint32_t count = hyi_leaf_count(leaf), triangle = 0, found = 0;
     HYI_I(hyi_held) held;
-    (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, 0, &held.m);
-    held.triangle = HYI_I(hyi_whole)(0);
-    for (uint32_t triangle = 1; triangle < count; triangle++) {
+    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &held.m);
+    while (!held.m.possible && ++triangle < count);
+    if (triangle == count) return 0;
+    held.triangle = HYI_I(hyi_whole)(triangle);
+    while (++triangle < count) {
         HYI_I(hyi_meeting) m;
         HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
         if (!m.possible) continue;
@@ -12392,10 +12454,12 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *sw
 
 /* ---- few */
 
-/* hyi_offer_leaf with the most common ends in one: nothing is hit, or one triangle for certain, before all others. */
+/* hyi_offer_leaf with the most common ends in one: nothing is hit after all, or one triangle for certain, before all others. Whether
+   any is possible stays a branch: among thin triangles few are, and rays need not wait for the rest. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false, true);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
+    if (!verdicts.possible) return false;
     uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
     float least = verdicts.least[lane], most = verdicts.most[lane];
     uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
@@ -12436,7 +12500,7 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm,
 /* Returns how many rays of a list hit a triangle of a leaf. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
-    for (; count >= enough; list += HYI_LANES) {
+    for (; count >= enough || count >= HYI_LANES; list += HYI_LANES) {
         uint32_t some = count < HYI_LANES ? count : HYI_LANES;
         hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
         count -= some;
@@ -12787,14 +12851,18 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
     swarm.flights = NULL;
     swarm.packets = stream->packets;
     swarm.any = answers->occluded != NULL;
+    uint32_t share = swarm.any && stream->scattered && HYI_PACKET_PROBE < stream->packet_share ? HYI_PACKET_PROBE : stream->packet_share;
     while (begun.rays < count) {
-        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, &begun);
+        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, share, &begun);
+        stream->leaf_visits = 0;
         if (begun.packets) HYI_I(hyi_run_packets)(&swarm, begun.packets, stream->lists);
+        if (swarm.any && begun.packets) stream->scattered = HYI_SCATTERED(stream->leaf_visits, begun.packets);
+        share = swarm.any && stream->scattered ? 0u : stream->packet_share;
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
     HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
-    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
+    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], NULL, answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }
 /* The words of one instruction set end here. */
@@ -12816,6 +12884,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
+#undef HYI_BYTES4
 #undef HYI_CHOOSE4
 #undef HYI_CHOOSEW
 #undef HYI_D2
@@ -12825,6 +12894,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
@@ -12906,6 +12976,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
+#undef HYI_STORE_PLACES4
 #undef HYI_STORED
 #undef HYI_STOREH
 #undef HYI_STOREW
@@ -13264,6 +13335,21 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+#define HYI_EXCEED4(a, most) HYI_I(hyi_exceed4)(a, most)
+#define HYI_BYTES4(a, bytes) _mm_castsi128_ps(_mm_shuffle_epi8(_mm_castps_si128(a), _mm_loadu_si128((const __m128i *)(const void *)(bytes))))
+#define HYI_STORE_PLACES4(p, a) HYI_I(hyi_store_places4)(p, a)
+
+/* Bits of those whose size has greater bits, as an integer. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_exceed4)(__m128 a, const uint32_t most[4]) {
+    __m128i exceeds = _mm_cmpgt_epi32(_mm_castps_si128(HYI_SIZE4(a)), _mm_loadu_si128((const __m128i *)(const void *)most));
+    return (uint32_t)_mm_movemask_ps(_mm_castsi128_ps(exceeds));
+}
+
+/* hyi_aim.near_plane by the signs of a direction; HYI_WIDTH is 8. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_places4)(uint32_t *at, __m128 direction) {
+    __m128i falls = _mm_and_si128(_mm_srli_epi32(_mm_castps_si128(direction), 28), _mm_set1_epi32((int)HYI_WIDTH));
+    _mm_storeu_si128((__m128i *)(void *)at, _mm_or_si128(falls, _mm_setr_epi32(0, (int)(2u * HYI_WIDTH), (int)(4u * HYI_WIDTH), 0)));
+}
 
 /* hyi_records of eight: four words of four lanes at a time, transposed. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_records_four)(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out) {
@@ -13309,57 +13395,41 @@ HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
     return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
 }
 
-/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. */
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. What is stored as four takes the
+   place of what comes after it in aim, which is written later. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
-    float origin[4], direction[4];
-    HYI_STORE4(origin, o);
-    HYI_STORE4(direction, d);
+    static const hyi_turn turns[3] = {{{1, 2, 0, 0}, {4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 0, 0, 0, 0}},
+                                      {{2, 0, 1, 0}, {8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0}},
+                                      {{0, 1, 2, 0}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 0, 0}}};
+    HYI_STORE_PLACES4(aim->near_plane, d);
     HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
     aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
     aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
-    aim->axis[0] = 0x09u >> 2u * z & 3u; /* 1, 2, 0 */
-    aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
-    aim->axis[2] = z;
-    for (uint32_t a = 0; a < 3; a++) {
-        aim->near_plane[a] = HYI_WIDTH * (2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u));
-        aim->origin[a] = origin[aim->axis[a]];
-        aim->direction[a] = direction[aim->axis[a]];
-    }
+    HYI_STORE4(aim->origin, HYI_BYTES4(o, turns[z].bytes));
+    memcpy(aim->axis, turns[z].axis, sizeof aim->axis);
+    HYI_STORE4(aim->direction, HYI_BYTES4(d, turns[z].bytes));
     hyi_aim_along(aim);
+    aim->leaf = aim->lane = 0;
     aim->unit = aim->inverse_unit = 1.0;
     aim->exact = 0;
 }
 
-/* Whether the bits of a float's size are between those of two others; what is not a number has more than all, and fast-math leaves
-   integers alone. */
-HYI_INLINE bool HYI_I(hyi_size_within)(float value, float least, float most) {
-    uint32_t bits, low, high;
-    memcpy(&bits, &value, sizeof bits);
-    memcpy(&low, &least, sizeof low);
-    memcpy(&high, &most, sizeof high);
-    bits &= 0x7fffffffu;
-    return low <= bits && bits <= high;
-}
-
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
-   or in a tree of boxes. */
+   or in a tree of boxes. Bits are looked at, which fast-math leaves alone: what is not a number has more than all. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
-    uint32_t bits[8];
-    float t_min, t_max, origin[4], direction[4];
-    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
-    memcpy(&t_min, &bits[3], sizeof t_min);
-    memcpy(&t_max, &bits[7], sizeof t_max);
+    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu};  /* HYI_NEAR_BY; t_min is finite */
+    static const uint32_t longest[4] = {0x4e800000u, 0x4e800000u, 0x4e800000u, 0x7f800000u};  /* HYI_LONGEST; t_max may be infinite */
+    static const uint32_t shortest[4] = {0x30800000u, 0x30800000u, 0x30800000u, 0x7fffffffu}; /* HYI_SHORTEST */
+    uint32_t direction[3];
+    float t_min, t_max;
+    memcpy(direction, &ray->direction, sizeof direction);
+    memcpy(&t_min, &ray->t_min, sizeof t_min);
+    memcpy(&t_max, &ray->t_max, sizeof t_max);
     HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
-    uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
-    HYI_STORE4(origin, o);
-    HYI_STORE4(direction, d);
     float limit = hyi_finite_limit(t_max);
-    if (!HYI_I(hyi_size_within)(direction[z], HYI_SHORTEST, HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !bvh->rows) return false;
-    if (!HYI_I(hyi_size_within)(t_min, 0.0f, FLT_MAX) || !(t_min <= limit)) return false;
-    for (uint32_t a = 0; a < 3; a++)
-        if (!HYI_I(hyi_size_within)(origin[a], 0.0f, HYI_NEAR_BY)) return false;
+    if ((HYI_EXCEED4(o, near_by) | HYI_EXCEED4(d, longest)) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
-    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
+    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, HYI_I(hyi_largest_axis)(direction), t_min, limit);
     return true;
 }
 
@@ -13475,9 +13545,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain.
-   straight: they are judged even if none is possible: for rays of lists that would be guessed wrong too often. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact, bool straight) {
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
@@ -13489,21 +13558,43 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (!exact && (straight || verdicts.possible))
+    if (verdicts.possible && !exact)
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
+/* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    uint32_t waits = flight->aim.leaf;
+    if (waits) {
+        flight->aim.leaf = 0;
+        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+    }
+    return hyi_decide(site, flight, leaf, lane);
+}
+
+/* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
+   and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
+    if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
+    flight->aim.leaf = leaf;
+    flight->aim.lane = lane;
+    flight->aim.least_t = least;
+    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
+    if (any) flight->best.instance = site->instance;
+    return true;
+}
+
 /* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
-HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
     bool found = false;
     for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts->certain >> lane & 1u) {
             if (verdicts->least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
+            found = HYI_I(hyi_expect)(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
-            found = hyi_offer(site, flight, leaf, lane) || found;
+            found = HYI_I(hyi_offer)(site, flight, leaf, lane) || found;
         }
         if (found && any) break;
     }
@@ -13514,7 +13605,7 @@ HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flig
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
 }
 
@@ -13522,9 +13613,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
@@ -13617,11 +13708,19 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
     }
 }
 
-/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
-    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
-    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
-    return true;
+/* Rays one by one, from their beginnings on; answers them, and returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    bool sound = true, any = answers->occluded != NULL;
+    double n[3];
+    if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
+        hyi_tell(accel, &flight, site.normal, answers, i);
+    }
+    return sound;
 }
 /* ---- packets of alike rays (expanded once for each instruction set) */
 
@@ -14081,7 +14180,7 @@ HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packe
 /* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
     bool found = false;
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t triangle = hyi_lowest_bit(mask);
@@ -14134,6 +14233,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
     HYI_I(hyi_visitors) visitors;
+    swarm->stream->leaf_visits += count;
     HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
     for (uint32_t i = 0; i < visitors.count; i++) {
         hyi_packet *packet = &swarm->packets[visitors.packets[i]];
@@ -14481,10 +14581,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
 }
 
 /* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
-   are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
+   are count, at most capacity, or share packets; share 0: none are made. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
-                                             uint32_t count, hyi_begun *begun) {
-    for (uint32_t first; (first = begun->rays) < count && begun->packets + HYI_LANES / HYI_PACKET_LEAST < stream->packet_share; begun->rays += HYI_LANES) {
+                                             uint32_t count, uint32_t share, hyi_begun *begun) {
+    for (uint32_t first; (first = begun->rays) < count && (share == 0 || begun->packets + HYI_LANES / HYI_PACKET_LEAST < share); begun->rays += HYI_LANES) {
         float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         hyi_packet *packet = &stream->packets[begun->packets];
@@ -14494,7 +14594,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
             continue;
         }
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        uint32_t rest = site->bvh->rows ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
         if (rest == 0) continue;
         HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
@@ -14751,7 +14851,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 
    Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
    may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
-   once, one after the other, and without a branch: most would be guessed wrong, and what comes next would wait. */
+   once, one after the other; what is hit for certain is written down without a branch, which would be guessed wrong too often. */
 
 /* ---- many */
 
@@ -14822,7 +14922,7 @@ HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abre
     for (; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         hyi_flight *flight = abreast->flights[lane];
-        if (!hyi_offer(&swarm->site, flight, leaf, triangle->word[lane])) continue;
+        if (!HYI_I(hyi_offer)(&swarm->site, flight, leaf, triangle->word[lane])) continue;
         if (swarm->any) hyi_flight_stop(flight);
         abreast->rays.t_far[lane] = flight->aim.t_far;
         abreast->rays.least_t[lane] = flight->aim.least_t;
@@ -14874,11 +14974,13 @@ HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_ab
    Returns how many have a hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
-    uint32_t count = hyi_leaf_count(leaf), found = 0;
+    uint32_t count = hyi_leaf_count(leaf), triangle = 0, found = 0;
     HYI_I(hyi_held) held;
-    (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, 0, &held.m);
-    held.triangle = HYI_I(hyi_whole)(0);
-    for (uint32_t triangle = 1; triangle < count; triangle++) {
+    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &held.m);
+    while (!held.m.possible && ++triangle < count);
+    if (triangle == count) return 0;
+    held.triangle = HYI_I(hyi_whole)(triangle);
+    while (++triangle < count) {
         HYI_I(hyi_meeting) m;
         HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
         if (!m.possible) continue;
@@ -14894,10 +14996,12 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *sw
 
 /* ---- few */
 
-/* hyi_offer_leaf with the most common ends in one: nothing is hit, or one triangle for certain, before all others. */
+/* hyi_offer_leaf with the most common ends in one: nothing is hit after all, or one triangle for certain, before all others. Whether
+   any is possible stays a branch: among thin triangles few are, and rays need not wait for the rest. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false, true);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
+    if (!verdicts.possible) return false;
     uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
     float least = verdicts.least[lane], most = verdicts.most[lane];
     uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
@@ -14938,7 +15042,7 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm,
 /* Returns how many rays of a list hit a triangle of a leaf. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
-    for (; count >= enough; list += HYI_LANES) {
+    for (; count >= enough || count >= HYI_LANES; list += HYI_LANES) {
         uint32_t some = count < HYI_LANES ? count : HYI_LANES;
         hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
         count -= some;
@@ -15289,14 +15393,18 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
     swarm.flights = NULL;
     swarm.packets = stream->packets;
     swarm.any = answers->occluded != NULL;
+    uint32_t share = swarm.any && stream->scattered && HYI_PACKET_PROBE < stream->packet_share ? HYI_PACKET_PROBE : stream->packet_share;
     while (begun.rays < count) {
-        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, &begun);
+        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, share, &begun);
+        stream->leaf_visits = 0;
         if (begun.packets) HYI_I(hyi_run_packets)(&swarm, begun.packets, stream->lists);
+        if (swarm.any && begun.packets) stream->scattered = HYI_SCATTERED(stream->leaf_visits, begun.packets);
+        share = swarm.any && stream->scattered ? 0u : stream->packet_share;
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
     HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
-    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
+    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], NULL, answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }
 /* The words of one instruction set end here. */
@@ -15318,6 +15426,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
+#undef HYI_BYTES4
 #undef HYI_CHOOSE4
 #undef HYI_CHOOSEW
 #undef HYI_D2
@@ -15327,6 +15436,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
@@ -15408,6 +15518,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
+#undef HYI_STORE_PLACES4
 #undef HYI_STORED
 #undef HYI_STOREH
 #undef HYI_STOREW
@@ -15482,6 +15593,21 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #define HYI_LE4(a, b) _mm_cmple_ps(a, b)
 #define HYI_SIZE4(a) _mm_andnot_ps(_mm_set1_ps(-0.0f), a)
 #define HYI_SIGNED4(size, of) _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), of))
+#define HYI_EXCEED4(a, most) HYI_I(hyi_exceed4)(a, most)
+#define HYI_BYTES4(a, bytes) _mm_castsi128_ps(_mm_shuffle_epi8(_mm_castps_si128(a), _mm_loadu_si128((const __m128i *)(const void *)(bytes))))
+#define HYI_STORE_PLACES4(p, a) HYI_I(hyi_store_places4)(p, a)
+
+/* Bits of those whose size has greater bits, as an integer. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_exceed4)(__m128 a, const uint32_t most[4]) {
+    __m128i exceeds = _mm_cmpgt_epi32(_mm_castps_si128(HYI_SIZE4(a)), _mm_loadu_si128((const __m128i *)(const void *)most));
+    return (uint32_t)_mm_movemask_ps(_mm_castsi128_ps(exceeds));
+}
+
+/* hyi_aim.near_plane by the signs of a direction; HYI_WIDTH is 8. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_places4)(uint32_t *at, __m128 direction) {
+    __m128i falls = _mm_and_si128(_mm_srli_epi32(_mm_castps_si128(direction), 28), _mm_set1_epi32((int)HYI_WIDTH));
+    _mm_storeu_si128((__m128i *)(void *)at, _mm_or_si128(falls, _mm_setr_epi32(0, (int)(2u * HYI_WIDTH), (int)(4u * HYI_WIDTH), 0)));
+}
 
 /* hyi_records of eight: four words of four lanes at a time, transposed. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_records_four)(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out) {
@@ -15799,57 +15925,41 @@ HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
     return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
 }
 
-/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. */
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. What is stored as four takes the
+   place of what comes after it in aim, which is written later. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
-    float origin[4], direction[4];
-    HYI_STORE4(origin, o);
-    HYI_STORE4(direction, d);
+    static const hyi_turn turns[3] = {{{1, 2, 0, 0}, {4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 0, 0, 0, 0}},
+                                      {{2, 0, 1, 0}, {8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0}},
+                                      {{0, 1, 2, 0}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 0, 0}}};
+    HYI_STORE_PLACES4(aim->near_plane, d);
     HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
     aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
     aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
-    aim->axis[0] = 0x09u >> 2u * z & 3u; /* 1, 2, 0 */
-    aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
-    aim->axis[2] = z;
-    for (uint32_t a = 0; a < 3; a++) {
-        aim->near_plane[a] = HYI_WIDTH * (2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u));
-        aim->origin[a] = origin[aim->axis[a]];
-        aim->direction[a] = direction[aim->axis[a]];
-    }
+    HYI_STORE4(aim->origin, HYI_BYTES4(o, turns[z].bytes));
+    memcpy(aim->axis, turns[z].axis, sizeof aim->axis);
+    HYI_STORE4(aim->direction, HYI_BYTES4(d, turns[z].bytes));
     hyi_aim_along(aim);
+    aim->leaf = aim->lane = 0;
     aim->unit = aim->inverse_unit = 1.0;
     aim->exact = 0;
 }
 
-/* Whether the bits of a float's size are between those of two others; what is not a number has more than all, and fast-math leaves
-   integers alone. */
-HYI_INLINE bool HYI_I(hyi_size_within)(float value, float least, float most) {
-    uint32_t bits, low, high;
-    memcpy(&bits, &value, sizeof bits);
-    memcpy(&low, &least, sizeof low);
-    memcpy(&high, &most, sizeof high);
-    bits &= 0x7fffffffu;
-    return low <= bits && bits <= high;
-}
-
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
-   or in a tree of boxes. */
+   or in a tree of boxes. Bits are looked at, which fast-math leaves alone: what is not a number has more than all. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
-    uint32_t bits[8];
-    float t_min, t_max, origin[4], direction[4];
-    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
-    memcpy(&t_min, &bits[3], sizeof t_min);
-    memcpy(&t_max, &bits[7], sizeof t_max);
+    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu};  /* HYI_NEAR_BY; t_min is finite */
+    static const uint32_t longest[4] = {0x4e800000u, 0x4e800000u, 0x4e800000u, 0x7f800000u};  /* HYI_LONGEST; t_max may be infinite */
+    static const uint32_t shortest[4] = {0x30800000u, 0x30800000u, 0x30800000u, 0x7fffffffu}; /* HYI_SHORTEST */
+    uint32_t direction[3];
+    float t_min, t_max;
+    memcpy(direction, &ray->direction, sizeof direction);
+    memcpy(&t_min, &ray->t_min, sizeof t_min);
+    memcpy(&t_max, &ray->t_max, sizeof t_max);
     HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
-    uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
-    HYI_STORE4(origin, o);
-    HYI_STORE4(direction, d);
     float limit = hyi_finite_limit(t_max);
-    if (!HYI_I(hyi_size_within)(direction[z], HYI_SHORTEST, HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !bvh->rows) return false;
-    if (!HYI_I(hyi_size_within)(t_min, 0.0f, FLT_MAX) || !(t_min <= limit)) return false;
-    for (uint32_t a = 0; a < 3; a++)
-        if (!HYI_I(hyi_size_within)(origin[a], 0.0f, HYI_NEAR_BY)) return false;
+    if ((HYI_EXCEED4(o, near_by) | HYI_EXCEED4(d, longest)) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
-    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
+    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, HYI_I(hyi_largest_axis)(direction), t_min, limit);
     return true;
 }
 
@@ -15965,9 +16075,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain.
-   straight: they are judged even if none is possible: for rays of lists that would be guessed wrong too often. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact, bool straight) {
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
@@ -15979,21 +16088,43 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (!exact && (straight || verdicts.possible))
+    if (verdicts.possible && !exact)
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
+/* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    uint32_t waits = flight->aim.leaf;
+    if (waits) {
+        flight->aim.leaf = 0;
+        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+    }
+    return hyi_decide(site, flight, leaf, lane);
+}
+
+/* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
+   and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
+    if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
+    flight->aim.leaf = leaf;
+    flight->aim.lane = lane;
+    flight->aim.least_t = least;
+    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
+    if (any) flight->best.instance = site->instance;
+    return true;
+}
+
 /* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
-HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
     bool found = false;
     for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts->certain >> lane & 1u) {
             if (verdicts->least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
+            found = HYI_I(hyi_expect)(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
-            found = hyi_offer(site, flight, leaf, lane) || found;
+            found = HYI_I(hyi_offer)(site, flight, leaf, lane) || found;
         }
         if (found && any) break;
     }
@@ -16004,7 +16135,7 @@ HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flig
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
 }
 
@@ -16012,9 +16143,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
@@ -16107,11 +16238,19 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
     }
 }
 
-/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
-    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
-    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
-    return true;
+/* Rays one by one, from their beginnings on; answers them, and returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    bool sound = true, any = answers->occluded != NULL;
+    double n[3];
+    if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
+        hyi_tell(accel, &flight, site.normal, answers, i);
+    }
+    return sound;
 }
 /* ---- packets of alike rays (expanded once for each instruction set) */
 
@@ -16571,7 +16710,7 @@ HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packe
 /* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
     bool found = false;
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t triangle = hyi_lowest_bit(mask);
@@ -16624,6 +16763,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
     HYI_I(hyi_visitors) visitors;
+    swarm->stream->leaf_visits += count;
     HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
     for (uint32_t i = 0; i < visitors.count; i++) {
         hyi_packet *packet = &swarm->packets[visitors.packets[i]];
@@ -16971,10 +17111,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
 }
 
 /* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
-   are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
+   are count, at most capacity, or share packets; share 0: none are made. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
-                                             uint32_t count, hyi_begun *begun) {
-    for (uint32_t first; (first = begun->rays) < count && begun->packets + HYI_LANES / HYI_PACKET_LEAST < stream->packet_share; begun->rays += HYI_LANES) {
+                                             uint32_t count, uint32_t share, hyi_begun *begun) {
+    for (uint32_t first; (first = begun->rays) < count && (share == 0 || begun->packets + HYI_LANES / HYI_PACKET_LEAST < share); begun->rays += HYI_LANES) {
         float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         hyi_packet *packet = &stream->packets[begun->packets];
@@ -16984,7 +17124,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
             continue;
         }
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        uint32_t rest = site->bvh->rows ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
         if (rest == 0) continue;
         HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
@@ -17241,7 +17381,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 
    Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
    may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
-   once, one after the other, and without a branch: most would be guessed wrong, and what comes next would wait. */
+   once, one after the other; what is hit for certain is written down without a branch, which would be guessed wrong too often. */
 
 /* ---- many */
 
@@ -17312,7 +17452,7 @@ HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abre
     for (; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         hyi_flight *flight = abreast->flights[lane];
-        if (!hyi_offer(&swarm->site, flight, leaf, triangle->word[lane])) continue;
+        if (!HYI_I(hyi_offer)(&swarm->site, flight, leaf, triangle->word[lane])) continue;
         if (swarm->any) hyi_flight_stop(flight);
         abreast->rays.t_far[lane] = flight->aim.t_far;
         abreast->rays.least_t[lane] = flight->aim.least_t;
@@ -17364,11 +17504,13 @@ HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_ab
    Returns how many have a hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
-    uint32_t count = hyi_leaf_count(leaf), found = 0;
+    uint32_t count = hyi_leaf_count(leaf), triangle = 0, found = 0;
     HYI_I(hyi_held) held;
-    (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, 0, &held.m);
-    held.triangle = HYI_I(hyi_whole)(0);
-    for (uint32_t triangle = 1; triangle < count; triangle++) {
+    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &held.m);
+    while (!held.m.possible && ++triangle < count);
+    if (triangle == count) return 0;
+    held.triangle = HYI_I(hyi_whole)(triangle);
+    while (++triangle < count) {
         HYI_I(hyi_meeting) m;
         HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
         if (!m.possible) continue;
@@ -17384,10 +17526,12 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *sw
 
 /* ---- few */
 
-/* hyi_offer_leaf with the most common ends in one: nothing is hit, or one triangle for certain, before all others. */
+/* hyi_offer_leaf with the most common ends in one: nothing is hit after all, or one triangle for certain, before all others. Whether
+   any is possible stays a branch: among thin triangles few are, and rays need not wait for the rest. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false, true);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
+    if (!verdicts.possible) return false;
     uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
     float least = verdicts.least[lane], most = verdicts.most[lane];
     uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
@@ -17428,7 +17572,7 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm,
 /* Returns how many rays of a list hit a triangle of a leaf. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
-    for (; count >= enough; list += HYI_LANES) {
+    for (; count >= enough || count >= HYI_LANES; list += HYI_LANES) {
         uint32_t some = count < HYI_LANES ? count : HYI_LANES;
         hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
         count -= some;
@@ -17779,14 +17923,18 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
     swarm.flights = NULL;
     swarm.packets = stream->packets;
     swarm.any = answers->occluded != NULL;
+    uint32_t share = swarm.any && stream->scattered && HYI_PACKET_PROBE < stream->packet_share ? HYI_PACKET_PROBE : stream->packet_share;
     while (begun.rays < count) {
-        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, &begun);
+        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, share, &begun);
+        stream->leaf_visits = 0;
         if (begun.packets) HYI_I(hyi_run_packets)(&swarm, begun.packets, stream->lists);
+        if (swarm.any && begun.packets) stream->scattered = HYI_SCATTERED(stream->leaf_visits, begun.packets);
+        share = swarm.any && stream->scattered ? 0u : stream->packet_share;
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
     HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
-    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
+    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], NULL, answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }
 /* The words of one instruction set end here. */
@@ -17808,6 +17956,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
+#undef HYI_BYTES4
 #undef HYI_CHOOSE4
 #undef HYI_CHOOSEW
 #undef HYI_D2
@@ -17817,6 +17966,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
@@ -17898,6 +18048,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
+#undef HYI_STORE_PLACES4
 #undef HYI_STORED
 #undef HYI_STOREH
 #undef HYI_STOREW
@@ -17965,6 +18116,12 @@ HYI_INLINE void hyi_turn4_neon(float32x4_t a[4]) {
     }
 }
 
+/* hyi_aim.near_plane by the bits of a direction; HYI_WIDTH is 8. */
+HYI_INLINE void hyi_store_places4_neon(uint32_t *at, uint32x4_t bits) {
+    static const uint32_t rows[4] = {0, 2u * HYI_WIDTH, 4u * HYI_WIDTH, 0};
+    vst1q_u32(at, vorrq_u32(vandq_u32(vshrq_n_u32(bits, 28), vdupq_n_u32(HYI_WIDTH)), vld1q_u32(rows)));
+}
+
 #define HYI_TARGET
 #define HYI_I(name) name##_neon
 #define HYI_F4 float32x4_t
@@ -18012,6 +18169,9 @@ HYI_INLINE void hyi_turn4_neon(float32x4_t a[4]) {
 #define HYI_PIN2(a) hyi_pin2_neon(a)
 #define HYI_RECORDS(rows, words, out) hyi_records(rows, words, out, 8u)
 #define HYI_SIGNED4(size, of) vbslq_f32(vdupq_n_u32(0x80000000u), of, size)
+#define HYI_EXCEED4(a, most) vmaxvq_u32(vcgtq_u32(vreinterpretq_u32_f32(vabsq_f32(a)), vld1q_u32(most)))
+#define HYI_BYTES4(a, bytes) vreinterpretq_f32_u8(vqtbl1q_u8(vreinterpretq_u8_f32(a), vld1q_u8(bytes)))
+#define HYI_STORE_PLACES4(p, a) hyi_store_places4_neon(p, vreinterpretq_u32_f32(a))
 /* ---- eight lanes as two times four (expanded once for each instruction set whose vectors have four, in its words
    for four floats and two doubles) */
 
@@ -18277,57 +18437,41 @@ HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
     return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
 }
 
-/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. */
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. What is stored as four takes the
+   place of what comes after it in aim, which is written later. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
-    float origin[4], direction[4];
-    HYI_STORE4(origin, o);
-    HYI_STORE4(direction, d);
+    static const hyi_turn turns[3] = {{{1, 2, 0, 0}, {4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 0, 0, 0, 0}},
+                                      {{2, 0, 1, 0}, {8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0}},
+                                      {{0, 1, 2, 0}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 0, 0}}};
+    HYI_STORE_PLACES4(aim->near_plane, d);
     HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
     aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
     aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
-    aim->axis[0] = 0x09u >> 2u * z & 3u; /* 1, 2, 0 */
-    aim->axis[1] = 0x12u >> 2u * z & 3u; /* 2, 0, 1 */
-    aim->axis[2] = z;
-    for (uint32_t a = 0; a < 3; a++) {
-        aim->near_plane[a] = HYI_WIDTH * (2u * a + (aim->inverse[a] < 0.0f ? 1u : 0u));
-        aim->origin[a] = origin[aim->axis[a]];
-        aim->direction[a] = direction[aim->axis[a]];
-    }
+    HYI_STORE4(aim->origin, HYI_BYTES4(o, turns[z].bytes));
+    memcpy(aim->axis, turns[z].axis, sizeof aim->axis);
+    HYI_STORE4(aim->direction, HYI_BYTES4(d, turns[z].bytes));
     hyi_aim_along(aim);
+    aim->leaf = aim->lane = 0;
     aim->unit = aim->inverse_unit = 1.0;
     aim->exact = 0;
 }
 
-/* Whether the bits of a float's size are between those of two others; what is not a number has more than all, and fast-math leaves
-   integers alone. */
-HYI_INLINE bool HYI_I(hyi_size_within)(float value, float least, float most) {
-    uint32_t bits, low, high;
-    memcpy(&bits, &value, sizeof bits);
-    memcpy(&low, &least, sizeof low);
-    memcpy(&high, &most, sizeof high);
-    bits &= 0x7fffffffu;
-    return low <= bits && bits <= high;
-}
-
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
-   or in a tree of boxes. */
+   or in a tree of boxes. Bits are looked at, which fast-math leaves alone: what is not a number has more than all. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
-    uint32_t bits[8];
-    float t_min, t_max, origin[4], direction[4];
-    memcpy(bits, ray, sizeof bits); /* origin, t_min, direction, t_max */
-    memcpy(&t_min, &bits[3], sizeof t_min);
-    memcpy(&t_max, &bits[7], sizeof t_max);
+    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu};  /* HYI_NEAR_BY; t_min is finite */
+    static const uint32_t longest[4] = {0x4e800000u, 0x4e800000u, 0x4e800000u, 0x7f800000u};  /* HYI_LONGEST; t_max may be infinite */
+    static const uint32_t shortest[4] = {0x30800000u, 0x30800000u, 0x30800000u, 0x7fffffffu}; /* HYI_SHORTEST */
+    uint32_t direction[3];
+    float t_min, t_max;
+    memcpy(direction, &ray->direction, sizeof direction);
+    memcpy(&t_min, &ray->t_min, sizeof t_min);
+    memcpy(&t_max, &ray->t_max, sizeof t_max);
     HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
-    uint32_t z = HYI_I(hyi_largest_axis)(bits + 4);
-    HYI_STORE4(origin, o);
-    HYI_STORE4(direction, d);
     float limit = hyi_finite_limit(t_max);
-    if (!HYI_I(hyi_size_within)(direction[z], HYI_SHORTEST, HYI_LONGEST) || (bits[7] & 0x7fffffffu) > 0x7f800000u || !bvh->rows) return false;
-    if (!HYI_I(hyi_size_within)(t_min, 0.0f, FLT_MAX) || !(t_min <= limit)) return false;
-    for (uint32_t a = 0; a < 3; a++)
-        if (!HYI_I(hyi_size_within)(origin[a], 0.0f, HYI_NEAR_BY)) return false;
+    if ((HYI_EXCEED4(o, near_by) | HYI_EXCEED4(d, longest)) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
-    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, z, t_min, limit);
+    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, HYI_I(hyi_largest_axis)(direction), t_min, limit);
     return true;
 }
 
@@ -18443,9 +18587,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain.
-   straight: they are judged even if none is possible: for rays of lists that would be guessed wrong too often. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact, bool straight) {
+   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_verdicts) verdicts;
     for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
@@ -18457,21 +18600,43 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (!exact && (straight || verdicts.possible))
+    if (verdicts.possible && !exact)
         HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
+/* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    uint32_t waits = flight->aim.leaf;
+    if (waits) {
+        flight->aim.leaf = 0;
+        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+    }
+    return hyi_decide(site, flight, leaf, lane);
+}
+
+/* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
+   and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
+    if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
+    flight->aim.leaf = leaf;
+    flight->aim.lane = lane;
+    flight->aim.least_t = least;
+    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
+    if (any) flight->best.instance = site->instance;
+    return true;
+}
+
 /* Offers those of a leaf's triangles that a ray may hit. Returns whether one was a hit. */
-HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, const HYI_I(hyi_verdicts) *verdicts, bool any) {
     bool found = false;
     for (uint32_t mask = verdicts->possible; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         if (verdicts->certain >> lane & 1u) {
             if (verdicts->least[lane] > flight->aim.t_far) continue;
-            found = hyi_expect(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
+            found = HYI_I(hyi_expect)(site, flight, leaf, lane, verdicts->least[lane], verdicts->most[lane], any) || found;
         } else {
-            found = hyi_offer(site, flight, leaf, lane) || found;
+            found = HYI_I(hyi_offer)(site, flight, leaf, lane) || found;
         }
         if (found && any) break;
     }
@@ -18482,7 +18647,7 @@ HYI_INLINE bool HYI_I(hyi_offer_possible)(const hyi_site *site, hyi_flight *flig
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     bool exact = HYI_ALWAYS_EXACT || site->asks_alpha || flight->aim.exact;
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), exact);
     return HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
 }
 
@@ -18490,9 +18655,9 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
     if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)hyi_offer(site, flight, leaf, hyi_lowest_bit(mask));
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
@@ -18585,11 +18750,19 @@ HYI_FN HYI_TARGET void HYI_I(hyi_walk_scene)(const hyi_site *site, hyi_flight *f
     }
 }
 
-/* One ray from its beginning on; false: it meets nothing, and may be unsound. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_trace_one)(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
-    if (!HYI_FLIGHT_BEGIN(flight, site->bvh, ray)) return false;
-    HYI_I(hyi_walk_scene)(site, flight, site->bvh->root, any);
-    return true;
+/* Rays one by one, from their beginnings on; answers them, and returns whether all were sound. */
+HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    hyi_site site = hyi_first_site(accel);
+    bool sound = true, any = answers->occluded != NULL;
+    double n[3];
+    if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
+    for (uint32_t i = 0; i < count; i++) {
+        hyi_flight flight;
+        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
+        hyi_tell(accel, &flight, site.normal, answers, i);
+    }
+    return sound;
 }
 /* ---- packets of alike rays (expanded once for each instruction set) */
 
@@ -19049,7 +19222,7 @@ HYI_INLINE bool HYI_I(hyi_expect_lane)(const hyi_swarm *swarm, hyi_packet *packe
 /* A leaf's triangles, all at once, to one ray of a packet; returns whether it hits one. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_lane)(const hyi_swarm *swarm, hyi_packet *packet, uint32_t leaf, uint32_t lane, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of_lane)(swarm, packet, lane);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false, false);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(swarm->site.bvh, leaf), hyi_leaf_count(leaf), false);
     bool found = false;
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
         uint32_t triangle = hyi_lowest_bit(mask);
@@ -19102,6 +19275,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
     HYI_I(hyi_visitors) visitors;
+    swarm->stream->leaf_visits += count;
     HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
     for (uint32_t i = 0; i < visitors.count; i++) {
         hyi_packet *packet = &swarm->packets[visitors.packets[i]];
@@ -19449,10 +19623,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
 }
 
 /* Sets rays begun->rays, begun->rays + 1, ... on their way: packets of those that are alike, flights of the others, until there
-   are count, at most capacity, or as many packets as there is room for. Those that meet nothing are answered at once. */
+   are count, at most capacity, or share packets; share 0: none are made. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
-                                             uint32_t count, hyi_begun *begun) {
-    for (uint32_t first; (first = begun->rays) < count && begun->packets + HYI_LANES / HYI_PACKET_LEAST < stream->packet_share; begun->rays += HYI_LANES) {
+                                             uint32_t count, uint32_t share, hyi_begun *begun) {
+    for (uint32_t first; (first = begun->rays) < count && (share == 0 || begun->packets + HYI_LANES / HYI_PACKET_LEAST < share); begun->rays += HYI_LANES) {
         float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
         hyi_packet *packet = &stream->packets[begun->packets];
@@ -19462,7 +19636,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
             continue;
         }
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        uint32_t rest = site->bvh->rows ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
         if (rest == 0) continue;
         HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
@@ -19719,7 +19893,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 
    Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
    may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
-   once, one after the other, and without a branch: most would be guessed wrong, and what comes next would wait. */
+   once, one after the other; what is hit for certain is written down without a branch, which would be guessed wrong too often. */
 
 /* ---- many */
 
@@ -19790,7 +19964,7 @@ HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abre
     for (; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
         hyi_flight *flight = abreast->flights[lane];
-        if (!hyi_offer(&swarm->site, flight, leaf, triangle->word[lane])) continue;
+        if (!HYI_I(hyi_offer)(&swarm->site, flight, leaf, triangle->word[lane])) continue;
         if (swarm->any) hyi_flight_stop(flight);
         abreast->rays.t_far[lane] = flight->aim.t_far;
         abreast->rays.least_t[lane] = flight->aim.least_t;
@@ -19842,11 +20016,13 @@ HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_ab
    Returns how many have a hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
-    uint32_t count = hyi_leaf_count(leaf), found = 0;
+    uint32_t count = hyi_leaf_count(leaf), triangle = 0, found = 0;
     HYI_I(hyi_held) held;
-    (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, 0, &held.m);
-    held.triangle = HYI_I(hyi_whole)(0);
-    for (uint32_t triangle = 1; triangle < count; triangle++) {
+    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &held.m);
+    while (!held.m.possible && ++triangle < count);
+    if (triangle == count) return 0;
+    held.triangle = HYI_I(hyi_whole)(triangle);
+    while (++triangle < count) {
         HYI_I(hyi_meeting) m;
         HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
         if (!m.possible) continue;
@@ -19862,10 +20038,12 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *sw
 
 /* ---- few */
 
-/* hyi_offer_leaf with the most common ends in one: nothing is hit, or one triangle for certain, before all others. */
+/* hyi_offer_leaf with the most common ends in one: nothing is hit after all, or one triangle for certain, before all others. Whether
+   any is possible stays a branch: among thin triangles few are, and rays need not wait for the rest. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false, true);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
+    if (!verdicts.possible) return false;
     uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
     float least = verdicts.least[lane], most = verdicts.most[lane];
     uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
@@ -19906,7 +20084,7 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm,
 /* Returns how many rays of a list hit a triangle of a leaf. */
 HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
-    for (; count >= enough; list += HYI_LANES) {
+    for (; count >= enough || count >= HYI_LANES; list += HYI_LANES) {
         uint32_t some = count < HYI_LANES ? count : HYI_LANES;
         hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
         count -= some;
@@ -20257,14 +20435,18 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
     swarm.flights = NULL;
     swarm.packets = stream->packets;
     swarm.any = answers->occluded != NULL;
+    uint32_t share = swarm.any && stream->scattered && HYI_PACKET_PROBE < stream->packet_share ? HYI_PACKET_PROBE : stream->packet_share;
     while (begun.rays < count) {
-        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, &begun);
+        HYI_I(hyi_begin_rays)(site, stream, rays, answers, count, share, &begun);
+        stream->leaf_visits = 0;
         if (begun.packets) HYI_I(hyi_run_packets)(&swarm, begun.packets, stream->lists);
+        if (swarm.any && begun.packets) stream->scattered = HYI_SCATTERED(stream->leaf_visits, begun.packets);
+        share = swarm.any && stream->scattered ? 0u : stream->packet_share;
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
     HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
-    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], answers, (size_t)(stream->flights[i].ray - rays));
+    for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], NULL, answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }
 /* The words of one instruction set end here. */
@@ -20286,6 +20468,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_BITS4_4
 #undef HYI_BITS8
 #undef HYI_BITSW
+#undef HYI_BYTES4
 #undef HYI_CHOOSE4
 #undef HYI_CHOOSEW
 #undef HYI_D2
@@ -20295,6 +20478,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
 #undef HYI_FD
@@ -20376,6 +20560,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_STORE2
 #undef HYI_STORE4
 #undef HYI_STORE8
+#undef HYI_STORE_PLACES4
 #undef HYI_STORED
 #undef HYI_STOREH
 #undef HYI_STOREW
@@ -20479,22 +20664,10 @@ HYI_FN hydra_result hyi_ray_stream_alloc(hydra_context *context, const hyi_accel
 
 /* ---- one by one */
 
-/* false: the ray meets nothing, and may be unsound. */
-HYI_INLINE bool hyi_trace_one(const hyi_site *site, hyi_flight *flight, const hyk_ray *ray, bool any) {
-    bool flies = false;
-    HYI_DISPATCH(site->accel->isa, flies = hyi_trace_one, (site, flight, ray, any))
-    return flies;
-}
-
 /* The tracing functions say whether all rays were sound. */
-HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
-    hyi_site site = hyi_first_site(accel);
+HYI_INLINE bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     bool sound = true;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight flight;
-        if (!hyi_trace_one(&site, &flight, &rays[i], answers->occluded != NULL)) sound = hyi_was_sound(&rays[i]) && sound;
-        hyi_tell(accel, &flight, answers, i);
-    }
+    HYI_DISPATCH(accel->isa, sound = hyi_trace_singles, (accel, rays, answers, count))
     return sound;
 }
 
@@ -20503,9 +20676,10 @@ HYI_FN bool hyi_trace_singles(const hyi_accel *accel, const hyk_ray *rays, const
 HYI_FN bool hyi_trace_stream(const hyi_accel *accel, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
     hyi_site site = hyi_first_site(accel);
     bool sound = true, whole = true;
+    uint32_t share = answers->occluded && HYI_STREAM_RAYS_ANY < stream->capacity ? HYI_STREAM_RAYS_ANY : stream->capacity;
     for (uint32_t first = 0, some; first < count; first += some) {
         hyi_answers from = hyi_answers_from(answers, first);
-        some = count - first < stream->capacity ? count - first : stream->capacity;
+        some = count - first < share ? count - first : share;
         HYI_DISPATCH_VECTOR(accel->isa, whole = hyi_trace_slice, (&site, stream, rays + first, &from, some))
         sound = sound && whole;
     }
@@ -23643,36 +23817,33 @@ HYI_FN hydra_result hyi_check_query(const hydra_scene *scene, const void *rays, 
     return scene->dirty ? HYDRA_ERROR_NOT_COMMITTED : HYDRA_OK;
 }
 
+/* hits, or else occluded. */
+HYI_INLINE hyi_answers hyi_answers_to(hydra_hit *hits, uint8_t *occluded) {
+    hyi_answers answers;
+    answers.hits = NULL;
+    answers.told = hits;
+    answers.occluded = occluded;
+    return answers;
+}
+
+HYI_INLINE void hyi_ask_shapes(const hyi_accel *accel, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
+    if (!accel->shapes) return;
+    if (answers->occluded) hyi_trace_shapes_any(accel, rays, answers->occluded, count);
+    else hyi_trace_shapes_closest(accel, rays, NULL, answers->told, count, false);
+}
+
 /* ---- few rays, one by one: nothing is set up for them that only many need */
 
 HYI_INLINE bool hyi_are_few(const hydra_scene *scene, size_t count) {
     return count < HYI_STREAM_LEAST && !scene->accel.empty && !scene->context->backend;
 }
 
-HYI_FN bool hyi_few_closest(const hyi_accel *accel, const hyk_ray *rays, hydra_hit *hits, uint32_t count) {
-    hyi_site site = hyi_first_site(accel);
-    double n[3];
-    bool sound = true;
-    if (site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight flight;
-        if (!hyi_trace_one(&site, &flight, &rays[i], false)) sound = hyi_was_sound(&rays[i]) && sound;
-        hyi_tell_flight(accel, &flight, site.normal, &hits[i]);
-    }
-    if (accel->shapes) hyi_trace_shapes_closest(accel, rays, NULL, hits, count, false);
-    return sound;
-}
-
-HYI_FN bool hyi_few_any(const hyi_accel *accel, const hyk_ray *rays, uint8_t *occluded, uint32_t count) {
-    hyi_site site = hyi_first_site(accel);
-    bool sound = true;
-    for (uint32_t i = 0; i < count; i++) {
-        hyi_flight flight;
-        if (!hyi_trace_one(&site, &flight, &rays[i], true)) sound = hyi_was_sound(&rays[i]) && sound;
-        occluded[i] = flight.best.instance != HYK_NONE;
-    }
-    if (accel->shapes) hyi_trace_shapes_any(accel, rays, occluded, count);
-    return sound;
+HYI_INLINE hydra_result hyi_query_few(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, uint32_t count) {
+    const hyk_ray *from = (const hyk_ray *)(const void *)rays;
+    hyi_answers answers = hyi_answers_to(hits, occluded);
+    bool sound = hyi_trace_singles(&scene->accel, from, &answers, count);
+    hyi_ask_shapes(&scene->accel, from, &answers, count);
+    return sound ? HYDRA_OK : HYDRA_ERROR_RAY;
 }
 
 /* ---- many */
@@ -23683,14 +23854,12 @@ HYI_FN bool hyi_query_here(const hydra_scene *scene, const hyk_ray *rays, const 
     const hyi_accel *accel = &scene->accel;
     hyi_ray_stream stream;
     bool sound = true;
-    (void)hyi_ray_stream_alloc(scene->context, accel, count, &stream);
+    (void)hyi_ray_stream_alloc(scene->context, accel, answers->occluded && count > HYI_STREAM_RAYS_ANY ? HYI_STREAM_RAYS_ANY : count, &stream);
     for (size_t first = 0; first < count; first += HYI_QUERY_BATCH) {
         uint32_t n = count - first < HYI_QUERY_BATCH ? (uint32_t)(count - first) : HYI_QUERY_BATCH;
         hyi_answers from = hyi_answers_from(answers, first);
         sound = hyi_trace(accel, &stream, rays + first, &from, n) && sound;
-        if (!accel->shapes) continue;
-        if (from.occluded) hyi_trace_shapes_any(accel, rays + first, from.occluded, n);
-        else hyi_trace_shapes_closest(accel, rays + first, NULL, from.told, n, false);
+        hyi_ask_shapes(accel, rays + first, &from, n);
     }
     hyi_ray_stream_free(scene->context, &stream);
     return sound;
@@ -23715,24 +23884,19 @@ HYI_FN hydra_result hyi_query_device(const hydra_scene *scene, const hydra_ray *
 /* hits, or else occluded. Not inlined: calls with few rays would save registers for it. */
 HYI_NOINLINE hydra_result hyi_query_all(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, uint8_t *occluded, size_t count) {
     if (scene->context->backend) return count ? hyi_query_device(scene, rays, hits, occluded, count) : HYDRA_OK;
-    hyi_answers answers;
-    answers.hits = NULL;
-    answers.told = hits;
-    answers.occluded = occluded;
+    hyi_answers answers = hyi_answers_to(hits, occluded);
     return hyi_query_here(scene, (const hyk_ray *)(const void *)rays, &answers, count) ? HYDRA_OK : HYDRA_ERROR_RAY;
 }
 
 HYDRA_API hydra_result hydra_scene_closest_hits(const hydra_scene *scene, const hydra_ray *rays, hydra_hit *hits, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, hits, count));
-    if (hyi_are_few(scene, count))
-        return hyi_few_closest(&scene->accel, (const hyk_ray *)(const void *)rays, hits, (uint32_t)count) ? HYDRA_OK : HYDRA_ERROR_RAY;
+    if (hyi_are_few(scene, count)) return hyi_query_few(scene, rays, hits, NULL, (uint32_t)count);
     return hyi_query_all(scene, rays, hits, NULL, count);
 }
 
 HYDRA_API hydra_result hydra_scene_any_hits(const hydra_scene *scene, const hydra_ray *rays, uint8_t *occluded, size_t count) {
     HYI_TRY(hyi_check_query(scene, rays, occluded, count));
-    if (hyi_are_few(scene, count))
-        return hyi_few_any(&scene->accel, (const hyk_ray *)(const void *)rays, occluded, (uint32_t)count) ? HYDRA_OK : HYDRA_ERROR_RAY;
+    if (hyi_are_few(scene, count)) return hyi_query_few(scene, rays, NULL, occluded, (uint32_t)count);
     return hyi_query_all(scene, rays, NULL, occluded, count);
 }
 
