@@ -108,7 +108,7 @@ static hyk_ray tl_axis_ray(const tl_scene *s, ht_rng *rng, float o[3]) {
     uint32_t axis = ht_below(rng, 3);
     if (ht_below(rng, 2)) tl_seam(s, rng, o);
     d[axis] = ht_below(rng, 2) ? 1.0f : -1.0f;
-    o[axis] = d[axis] * -s->size;
+    o[axis] = d[axis] * -s->size * (ht_below(rng, 64) ? 1.0f : 1e25f); /* beyond HYI_FAR_AWAY */
     hyk_ray ray = tl_ray(o, o, 1);
     ray.direction = hyk_make3(d[0], d[1], d[2]);
     return ray;
