@@ -315,6 +315,46 @@ static void near_underflow(void **state) {
     }
 }
 
+/* Sixteen at a time from one point, whose directions differ a little. */
+static void tl_bunch(ht_rng *rng, const float o[3], hyk_ray *rays) {
+    uint32_t axis = ht_below(rng, 3);
+    float slope[2] = {ht_range(rng, -0.6f, 0.6f), ht_range(rng, -0.6f, 0.6f)}, spread = ht_below(rng, 4) ? ht_range(rng, 0, 0.2f) : 0, d[3];
+    for (uint32_t i = 0; i < 16; i++) {
+        d[axis] = 1;
+        for (uint32_t a = 0; a < 2; a++) d[(axis + 1 + a) % 3] = slope[a] + ht_range(rng, -spread, spread);
+        rays[i] = tl_ray(o, o, 1);
+        rays[i].direction = hyk_make3(d[0], d[1], d[2]);
+        rays[i].t_min = -1;
+    }
+}
+
+/* Packets among triangles whose coordinates are a few of the smallest floats, in a tree that is not scaled. Catches: a leaf sifted
+   with a margin that underflows. */
+static void packets_below_normal(void **state) {
+    (void)state;
+    static tl_scene s;
+    const uint32_t meshes = ht_pick(80, 40), count = 256;
+    uint32_t found = 0;
+    ht_rng rng = ht_rng_make(9);
+    for (uint32_t k = 0; k < meshes; k++) {
+        float unit = ldexpf(1, k % 2 ? -149 : -132), p[4][3];
+        ht_mesh mesh;
+        memset(&mesh, 0, sizeof mesh);
+        for (uint32_t t = 0; t < 40; t++) {
+            for (uint32_t i = 0; i < 12; i++) p[i / 3][i % 3] = t ? ((float)ht_below(&rng, 9) - 4.0f) * unit : ht_range(&rng, -5, 5);
+            uint32_t a = ht_mesh_vertex(&mesh, p[0][0], p[0][1], p[0][2]), b = ht_mesh_vertex(&mesh, p[1][0], p[1][1], p[1][2]);
+            ht_mesh_triangle(&mesh, a, b, ht_mesh_vertex(&mesh, p[2][0], p[2][1], p[2][2]));
+        }
+        tl_begin(&s);
+        tl_add(&s, mesh, HYDRA_ALPHA_OPAQUE);
+        ht_ok(s.host.context, hydra_scene_commit(s.scene));
+        for (uint32_t i = 0; i < count; i += 16) tl_bunch(&rng, p[3], tl_rays + i);
+        found += tl_compare_all(&s, count);
+        tl_end(&s);
+    }
+    assert_true(found > meshes * count / 4);
+}
+
 /* Triangles of sizes down to 1e-30 around one point: the deepest trees. Catches: lists that outgrow their memory. */
 static void deep_trees(void **state) {
     (void)state;
@@ -523,6 +563,7 @@ int hydra_test_lanes(void) {
         cmocka_unit_test(instances_and_holes),
         cmocka_unit_test(thin_layers),
         cmocka_unit_test(near_underflow),
+        cmocka_unit_test(packets_below_normal),
         cmocka_unit_test(deep_trees),
         cmocka_unit_test(many_rays),
         cmocka_unit_test(alike_in_instances),

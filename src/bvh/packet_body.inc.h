@@ -363,7 +363,8 @@ typedef struct HYI_I(hyi_outlook) {
 } HYI_I(hyi_outlook);
 
 /* For another ray a corner's x, for one, is off that of the middle ray by up to half |z|. With that in across, what is worked out
-   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that. */
+   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that,
+   and more than what underflows. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf, HYI_I(hyi_outlook) *out) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf);
@@ -381,7 +382,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi
     }
     for (int a = 0; a < 2; a++) out->half[a] = HYI_SET8(p->shear_half[a]);
     across = HYI_MAD8(HYI_MAX8(out->half[0], out->half[1]), along, across);
-    out->slack = HYI_MUL8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along));
+    out->slack = HYI_MAD8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along), HYI_SET8(16.0f * FLT_MIN));
     out->margin = HYI_MAD8(across, out->slack, HYI_SET8(HYI_EDGE_LEAST));
 }
 
