@@ -2,7 +2,7 @@
 
    Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
    may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
-   once, one after the other; what is hit for certain is written down without a branch, which would be guessed wrong too often. */
+   once, one after the other. */
 
 /* ---- many */
 
@@ -103,7 +103,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI
     }
     for (uint32_t mask = sure; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        hyi_put_off(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any, ~0u);
+        hyi_postpone(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any);
     }
     return left == sure ? sure : sure | HYI_I(hyi_offer_to_lanes)(swarm, abreast, leaf, &triangle, left & ~sure);
 }
@@ -147,22 +147,20 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *sw
 
 /* ---- few */
 
-/* hyi_offer_leaf with the most common ends in one: nothing is hit after all, or one triangle for certain, before all others. Whether
-   any is possible stays a branch: among thin triangles few are, and rays need not wait for the rest. */
+/* hyi_offer_leaf with its most common end, a single triangle that is hit for certain, and before all others, by itself. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
-    if (!verdicts.possible) return false;
-    uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
-    float least = verdicts.least[lane], most = verdicts.most[lane];
-    uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
+    uint32_t possible = verdicts.possible;
+    if (!possible) return false;
+    uint32_t lane = hyi_lowest_bit(possible), nearer = (uint32_t)(verdicts.most[lane] < flight->aim.least_t);
     if (HYI_UNLIKELY((possible & (possible - 1u)) | (possible & ~verdicts.certain) | (nearer ^ 1u))) {
         bool found = HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
         if (found && any) hyi_flight_stop(flight);
         return found;
     }
-    hyi_put_off(site, flight, leaf, lane, least, most, any, possible ? ~0u : 0u);
-    return possible != 0;
+    hyi_postpone(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any);
+    return true;
 }
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {

@@ -170,24 +170,13 @@ HYI_INLINE void hyi_settle(const hyi_site *site, hyi_flight *flight) {
     (void)hyi_decide(site, flight, leaf, flight->aim.lane);
 }
 
-/* A word: the other where mask is all ones, as it was where mask is 0. */
-HYI_INLINE void hyi_put_where(void *at, const void *other, uint32_t mask) {
-    uint32_t word, new_word;
-    memcpy(&word, at, sizeof word);
-    memcpy(&new_word, other, sizeof new_word);
-    word ^= (word ^ new_word) & mask;
-    memcpy(at, &word, sizeof word);
-}
-
-/* Puts a hit off that is nearer than all before, from t least on; any: the ray is done then. mask: all ones; 0: leaves the flight as
-   it was, without a branch. */
-HYI_INLINE void hyi_put_off(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any, uint32_t mask) {
-    float limit = any ? -FLT_MAX : most + 4.0f * HYI_ULP * fabsf(most);
-    hyi_put_where(&flight->aim.leaf, &leaf, mask);
-    hyi_put_where(&flight->aim.lane, &lane, mask);
-    hyi_put_where(&flight->aim.least_t, &least, mask);
-    hyi_put_where(&flight->aim.t_far, &limit, mask);
-    if (any) hyi_put_where(&flight->best.instance, &site->instance, mask);
+/* Puts a hit off that is nearer than all before, from t least on; any: the ray is done then. */
+HYI_INLINE void hyi_postpone(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
+    flight->aim.leaf = leaf;
+    flight->aim.lane = lane;
+    flight->aim.least_t = least;
+    flight->aim.t_far = any ? -FLT_MAX : most + 4.0f * HYI_ULP * fabsf(most);
+    if (any) flight->best.instance = site->instance;
 }
 
 /* Makes every box and triangle lie beyond a ray that is done. */

@@ -141,11 +141,7 @@ HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *
    and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
     if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
-    flight->aim.leaf = leaf;
-    flight->aim.lane = lane;
-    flight->aim.least_t = least;
-    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
-    if (any) flight->best.instance = site->instance;
+    hyi_postpone(site, flight, leaf, lane, least, most, any);
     return true;
 }
 
