@@ -9489,24 +9489,13 @@ HYI_INLINE void hyi_settle(const hyi_site *site, hyi_flight *flight) {
     (void)hyi_decide(site, flight, leaf, flight->aim.lane);
 }
 
-/* A word: the other where mask is all ones, as it was where mask is 0. */
-HYI_INLINE void hyi_put_where(void *at, const void *other, uint32_t mask) {
-    uint32_t word, new_word;
-    memcpy(&word, at, sizeof word);
-    memcpy(&new_word, other, sizeof new_word);
-    word ^= (word ^ new_word) & mask;
-    memcpy(at, &word, sizeof word);
-}
-
-/* Puts a hit off that is nearer than all before, from t least on; any: the ray is done then. mask: all ones; 0: leaves the flight as
-   it was, without a branch. */
-HYI_INLINE void hyi_put_off(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any, uint32_t mask) {
-    float limit = any ? -FLT_MAX : most + 4.0f * HYI_ULP * fabsf(most);
-    hyi_put_where(&flight->aim.leaf, &leaf, mask);
-    hyi_put_where(&flight->aim.lane, &lane, mask);
-    hyi_put_where(&flight->aim.least_t, &least, mask);
-    hyi_put_where(&flight->aim.t_far, &limit, mask);
-    if (any) hyi_put_where(&flight->best.instance, &site->instance, mask);
+/* Puts a hit off that is nearer than all before, from t least on; any: the ray is done then. */
+HYI_INLINE void hyi_postpone(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
+    flight->aim.leaf = leaf;
+    flight->aim.lane = lane;
+    flight->aim.least_t = least;
+    flight->aim.t_far = any ? -FLT_MAX : most + 4.0f * HYI_ULP * fabsf(most);
+    if (any) flight->best.instance = site->instance;
 }
 
 /* Makes every box and triangle lie beyond a ray that is done. */
@@ -10263,11 +10252,7 @@ HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *
    and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
     if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
-    flight->aim.leaf = leaf;
-    flight->aim.lane = lane;
-    flight->aim.least_t = least;
-    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
-    if (any) flight->best.instance = site->instance;
+    hyi_postpone(site, flight, leaf, lane, least, most, any);
     return true;
 }
 
@@ -11035,11 +11020,7 @@ HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *
    and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
     if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
-    flight->aim.leaf = leaf;
-    flight->aim.lane = lane;
-    flight->aim.least_t = least;
-    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
-    if (any) flight->best.instance = site->instance;
+    hyi_postpone(site, flight, leaf, lane, least, most, any);
     return true;
 }
 
@@ -11545,7 +11526,8 @@ typedef struct HYI_I(hyi_outlook) {
 } HYI_I(hyi_outlook);
 
 /* For another ray a corner's x, for one, is off that of the middle ray by up to half |z|. With that in across, what is worked out
-   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that. */
+   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that,
+   and more than what underflows. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf, HYI_I(hyi_outlook) *out) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf);
@@ -11563,7 +11545,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi
     }
     for (int a = 0; a < 2; a++) out->half[a] = HYI_SET8(p->shear_half[a]);
     across = HYI_MAD8(HYI_MAX8(out->half[0], out->half[1]), along, across);
-    out->slack = HYI_MUL8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along));
+    out->slack = HYI_MAD8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along), HYI_SET8(16.0f * FLT_MIN));
     out->margin = HYI_MAD8(across, out->slack, HYI_SET8(HYI_EDGE_LEAST));
 }
 
@@ -12309,7 +12291,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 
    Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
    may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
-   once, one after the other; what is hit for certain is written down without a branch, which would be guessed wrong too often. */
+   once, one after the other. */
 
 /* ---- many */
 
@@ -12410,7 +12392,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI
     }
     for (uint32_t mask = sure; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        hyi_put_off(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any, ~0u);
+        hyi_postpone(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any);
     }
     return left == sure ? sure : sure | HYI_I(hyi_offer_to_lanes)(swarm, abreast, leaf, &triangle, left & ~sure);
 }
@@ -12454,22 +12436,20 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *sw
 
 /* ---- few */
 
-/* hyi_offer_leaf with the most common ends in one: nothing is hit after all, or one triangle for certain, before all others. Whether
-   any is possible stays a branch: among thin triangles few are, and rays need not wait for the rest. */
+/* hyi_offer_leaf with its most common end, a single triangle that is hit for certain, and before all others, by itself. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
-    if (!verdicts.possible) return false;
-    uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
-    float least = verdicts.least[lane], most = verdicts.most[lane];
-    uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
+    uint32_t possible = verdicts.possible;
+    if (!possible) return false;
+    uint32_t lane = hyi_lowest_bit(possible), nearer = (uint32_t)(verdicts.most[lane] < flight->aim.least_t);
     if (HYI_UNLIKELY((possible & (possible - 1u)) | (possible & ~verdicts.certain) | (nearer ^ 1u))) {
         bool found = HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
         if (found && any) hyi_flight_stop(flight);
         return found;
     }
-    hyi_put_off(site, flight, leaf, lane, least, most, any, possible ? ~0u : 0u);
-    return possible != 0;
+    hyi_postpone(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any);
+    return true;
 }
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
@@ -13577,11 +13557,7 @@ HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *
    and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
     if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
-    flight->aim.leaf = leaf;
-    flight->aim.lane = lane;
-    flight->aim.least_t = least;
-    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
-    if (any) flight->best.instance = site->instance;
+    hyi_postpone(site, flight, leaf, lane, least, most, any);
     return true;
 }
 
@@ -14087,7 +14063,8 @@ typedef struct HYI_I(hyi_outlook) {
 } HYI_I(hyi_outlook);
 
 /* For another ray a corner's x, for one, is off that of the middle ray by up to half |z|. With that in across, what is worked out
-   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that. */
+   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that,
+   and more than what underflows. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf, HYI_I(hyi_outlook) *out) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf);
@@ -14105,7 +14082,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi
     }
     for (int a = 0; a < 2; a++) out->half[a] = HYI_SET8(p->shear_half[a]);
     across = HYI_MAD8(HYI_MAX8(out->half[0], out->half[1]), along, across);
-    out->slack = HYI_MUL8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along));
+    out->slack = HYI_MAD8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along), HYI_SET8(16.0f * FLT_MIN));
     out->margin = HYI_MAD8(across, out->slack, HYI_SET8(HYI_EDGE_LEAST));
 }
 
@@ -14851,7 +14828,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 
    Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
    may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
-   once, one after the other; what is hit for certain is written down without a branch, which would be guessed wrong too often. */
+   once, one after the other. */
 
 /* ---- many */
 
@@ -14952,7 +14929,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI
     }
     for (uint32_t mask = sure; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        hyi_put_off(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any, ~0u);
+        hyi_postpone(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any);
     }
     return left == sure ? sure : sure | HYI_I(hyi_offer_to_lanes)(swarm, abreast, leaf, &triangle, left & ~sure);
 }
@@ -14996,22 +14973,20 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *sw
 
 /* ---- few */
 
-/* hyi_offer_leaf with the most common ends in one: nothing is hit after all, or one triangle for certain, before all others. Whether
-   any is possible stays a branch: among thin triangles few are, and rays need not wait for the rest. */
+/* hyi_offer_leaf with its most common end, a single triangle that is hit for certain, and before all others, by itself. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
-    if (!verdicts.possible) return false;
-    uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
-    float least = verdicts.least[lane], most = verdicts.most[lane];
-    uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
+    uint32_t possible = verdicts.possible;
+    if (!possible) return false;
+    uint32_t lane = hyi_lowest_bit(possible), nearer = (uint32_t)(verdicts.most[lane] < flight->aim.least_t);
     if (HYI_UNLIKELY((possible & (possible - 1u)) | (possible & ~verdicts.certain) | (nearer ^ 1u))) {
         bool found = HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
         if (found && any) hyi_flight_stop(flight);
         return found;
     }
-    hyi_put_off(site, flight, leaf, lane, least, most, any, possible ? ~0u : 0u);
-    return possible != 0;
+    hyi_postpone(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any);
+    return true;
 }
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
@@ -16107,11 +16082,7 @@ HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *
    and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
     if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
-    flight->aim.leaf = leaf;
-    flight->aim.lane = lane;
-    flight->aim.least_t = least;
-    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
-    if (any) flight->best.instance = site->instance;
+    hyi_postpone(site, flight, leaf, lane, least, most, any);
     return true;
 }
 
@@ -16617,7 +16588,8 @@ typedef struct HYI_I(hyi_outlook) {
 } HYI_I(hyi_outlook);
 
 /* For another ray a corner's x, for one, is off that of the middle ray by up to half |z|. With that in across, what is worked out
-   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that. */
+   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that,
+   and more than what underflows. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf, HYI_I(hyi_outlook) *out) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf);
@@ -16635,7 +16607,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi
     }
     for (int a = 0; a < 2; a++) out->half[a] = HYI_SET8(p->shear_half[a]);
     across = HYI_MAD8(HYI_MAX8(out->half[0], out->half[1]), along, across);
-    out->slack = HYI_MUL8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along));
+    out->slack = HYI_MAD8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along), HYI_SET8(16.0f * FLT_MIN));
     out->margin = HYI_MAD8(across, out->slack, HYI_SET8(HYI_EDGE_LEAST));
 }
 
@@ -17381,7 +17353,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 
    Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
    may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
-   once, one after the other; what is hit for certain is written down without a branch, which would be guessed wrong too often. */
+   once, one after the other. */
 
 /* ---- many */
 
@@ -17482,7 +17454,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI
     }
     for (uint32_t mask = sure; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        hyi_put_off(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any, ~0u);
+        hyi_postpone(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any);
     }
     return left == sure ? sure : sure | HYI_I(hyi_offer_to_lanes)(swarm, abreast, leaf, &triangle, left & ~sure);
 }
@@ -17526,22 +17498,20 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *sw
 
 /* ---- few */
 
-/* hyi_offer_leaf with the most common ends in one: nothing is hit after all, or one triangle for certain, before all others. Whether
-   any is possible stays a branch: among thin triangles few are, and rays need not wait for the rest. */
+/* hyi_offer_leaf with its most common end, a single triangle that is hit for certain, and before all others, by itself. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
-    if (!verdicts.possible) return false;
-    uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
-    float least = verdicts.least[lane], most = verdicts.most[lane];
-    uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
+    uint32_t possible = verdicts.possible;
+    if (!possible) return false;
+    uint32_t lane = hyi_lowest_bit(possible), nearer = (uint32_t)(verdicts.most[lane] < flight->aim.least_t);
     if (HYI_UNLIKELY((possible & (possible - 1u)) | (possible & ~verdicts.certain) | (nearer ^ 1u))) {
         bool found = HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
         if (found && any) hyi_flight_stop(flight);
         return found;
     }
-    hyi_put_off(site, flight, leaf, lane, least, most, any, possible ? ~0u : 0u);
-    return possible != 0;
+    hyi_postpone(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any);
+    return true;
 }
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
@@ -18619,11 +18589,7 @@ HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *
    and else decides. Most hits are so never worked out: one nearer comes. Only two lines of the flight are touched. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_expect)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, float least, float most, bool any) {
     if (most >= flight->aim.least_t) return HYI_I(hyi_offer)(site, flight, leaf, lane);
-    flight->aim.leaf = leaf;
-    flight->aim.lane = lane;
-    flight->aim.least_t = least;
-    flight->aim.t_far = most + 4.0f * HYI_ULP * fabsf(most);
-    if (any) flight->best.instance = site->instance;
+    hyi_postpone(site, flight, leaf, lane, least, most, any);
     return true;
 }
 
@@ -19129,7 +19095,8 @@ typedef struct HYI_I(hyi_outlook) {
 } HYI_I(hyi_outlook);
 
 /* For another ray a corner's x, for one, is off that of the middle ray by up to half |z|. With that in across, what is worked out
-   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that. */
+   here is off by less than the noise of hyi_judge_triangles, and so is what a ray itself works out: slack and margin are twice that,
+   and more than what underflows. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi_packet *p, uint32_t leaf, HYI_I(hyi_outlook) *out) {
     const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf);
@@ -19147,7 +19114,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_look_out)(const hyi_swarm *swarm, const hyi
     }
     for (int a = 0; a < 2; a++) out->half[a] = HYI_SET8(p->shear_half[a]);
     across = HYI_MAD8(HYI_MAX8(out->half[0], out->half[1]), along, across);
-    out->slack = HYI_MUL8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along));
+    out->slack = HYI_MAD8(HYI_SET8(2.0f * HYI_EDGE_NOISE), HYI_ADD8(across, along), HYI_SET8(16.0f * FLT_MIN));
     out->margin = HYI_MAD8(across, out->slack, HYI_SET8(HYI_EDGE_LEAST));
 }
 
@@ -19893,7 +19860,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 
    Where there are enough of them, as many as a vector has lanes meet a triangle at once, as the rays of a packet do, though they
    may go anywhere: each lane takes the coordinates of corners in the order of its own axes. Few meet all triangles of the leaf at
-   once, one after the other; what is hit for certain is written down without a branch, which would be guessed wrong too often. */
+   once, one after the other. */
 
 /* ---- many */
 
@@ -19994,7 +19961,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI
     }
     for (uint32_t mask = sure; mask; mask &= mask - 1u) {
         uint32_t lane = hyi_lowest_bit(mask);
-        hyi_put_off(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any, ~0u);
+        hyi_postpone(&swarm->site, abreast->flights[lane], leaf, triangle.word[lane], rays->least_t[lane], most[lane], any);
     }
     return left == sure ? sure : sure | HYI_I(hyi_offer_to_lanes)(swarm, abreast, leaf, &triangle, left & ~sure);
 }
@@ -20038,22 +20005,20 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *sw
 
 /* ---- few */
 
-/* hyi_offer_leaf with the most common ends in one: nothing is hit after all, or one triangle for certain, before all others. Whether
-   any is possible stays a branch: among thin triangles few are, and rays need not wait for the rest. */
+/* hyi_offer_leaf with its most common end, a single triangle that is hit for certain, and before all others, by itself. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, bool any) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), false);
-    if (!verdicts.possible) return false;
-    uint32_t possible = verdicts.possible, lane = hyi_lowest_bit(possible | 1u << (HYI_WIDTH - 1u));
-    float least = verdicts.least[lane], most = verdicts.most[lane];
-    uint32_t nearer = (uint32_t)(most < flight->aim.least_t) | (uint32_t)(possible == 0);
+    uint32_t possible = verdicts.possible;
+    if (!possible) return false;
+    uint32_t lane = hyi_lowest_bit(possible), nearer = (uint32_t)(verdicts.most[lane] < flight->aim.least_t);
     if (HYI_UNLIKELY((possible & (possible - 1u)) | (possible & ~verdicts.certain) | (nearer ^ 1u))) {
         bool found = HYI_I(hyi_offer_possible)(site, flight, leaf, &verdicts, any);
         if (found && any) hyi_flight_stop(flight);
         return found;
     }
-    hyi_put_off(site, flight, leaf, lane, least, most, any, possible ? ~0u : 0u);
-    return possible != 0;
+    hyi_postpone(site, flight, leaf, lane, verdicts.least[lane], verdicts.most[lane], any);
+    return true;
 }
 
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
