@@ -83,7 +83,7 @@ HYI_FN uint32_t HYI_I(hyi_offer_to_lanes)(const hyi_swarm *swarm, HYI_I(hyi_abre
 }
 
 /* Judges the triangles held: hits that are nearer for certain than all before are put off, and what float cannot tell is decided.
-   Returns the bits of the lanes with a hit. */
+   Returns the bits of the lanes with a hit. A lane that holds what it was judged by before is not nearer again: least_t is no more. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, const HYI_I(hyi_held) *held, bool any) {
     hyi_packet *rays = &abreast->rays;
     HYI_I(hyi_verdict_all) verdict;

@@ -145,6 +145,8 @@ typedef union hyi_record {
 } hyi_record;
 #define HYI_WORDS_OF(type) ((uint32_t)(sizeof(type) / sizeof(float)))
 #define HYI_RECORD_WORDS HYI_WORDS_OF(hyi_record)
+HYI_STATIC_ASSERT(sizeof(hyi_record) == sizeof(hydra_hit) && offsetof(hydra_hit, u) == 4 && offsetof(hydra_hit, v) == 8 && offsetof(hyk_hit, u) == 4 &&
+                  offsetof(hyk_hit, v) == 8); /* t, u and v come first in both */
 
 /* Records of so many words each, one after the other, from rows of one word of all. */
 HYI_INLINE void hyi_records(float rows[HYI_RECORD_WORDS][HYI_PACKET_WIDTH], uint32_t words, char *out, uint32_t count) {
