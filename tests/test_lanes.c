@@ -335,6 +335,7 @@ static void packets_below_normal(void **state) {
     static tl_scene s;
     const uint32_t meshes = ht_pick(80, 40), count = 256;
     uint32_t found = 0;
+    volatile float least = 1e-40f; /* 0 where denormals are flushed, as with fast-math: there nothing is left of these triangles */
     ht_rng rng = ht_rng_make(9);
     for (uint32_t k = 0; k < meshes; k++) {
         float unit = ldexpf(1, k % 2 ? -149 : -132), p[4][3];
@@ -352,7 +353,7 @@ static void packets_below_normal(void **state) {
         found += tl_compare_all(&s, count);
         tl_end(&s);
     }
-    assert_true(found > meshes * count / 4);
+    assert_true(found > meshes * count / 4 || !(2.0f * least > 0.0f));
 }
 
 /* Triangles of sizes down to 1e-30 around one point: the deepest trees. Catches: lists that outgrow their memory. */
