@@ -18,6 +18,7 @@ endif
 CXX ?= g++
 CLANG ?= clang
 OPT ?= -O2
+BENCH_OPT ?= -O3
 LIBS := -lm -pthread
 export CC CXX
 
@@ -103,7 +104,7 @@ bench: $(BENCHES)
 	@test -n "$(BENCHES)" || echo "bench: no programs in bench/"
 $(BENCHES): bench-%: setup-cc build/bench/%
 	@QUICK=$(QUICK) build/bench/$*
-$(foreach p,$(call programs,bench),$(eval $(call program,bench,$(p),-O3)))
+$(foreach p,$(call programs,bench),$(eval $(call program,bench,$(p),$(BENCH_OPT))))
 
 # ---- unit tests: tests/test_<subject>.c, built in four ways
 
