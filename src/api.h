@@ -497,7 +497,7 @@ HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *da
    threads by calling from several, each with its share. `make bench-rays` measures all this.
 
    Memory. A call with some fifty or more rays takes memory from the allocator and returns it: 0.2 MB and about half a
-   kilobyte a ray, never more than 3.2 MB (4.8 MB in scenes with instances); where any hit does, 1.8 MB (2.6 MB). Where the
+   kilobyte a ray, never more than 3.3 MB (4.8 MB in scenes with instances); where any hit does, 1.8 MB (2.6 MB). Where the
    allocator or the cap refuses, the answers are the same, later.
    Arrays of rays and hits are the caller's; nothing is kept.
 

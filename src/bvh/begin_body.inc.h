@@ -1,5 +1,23 @@
 /* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
 
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
+
+/* Where slabs are met of which the origin is moved by bound, which has the direction's sign: see hyi_aim_slabs. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_offsets)(HYI_FW origin, HYI_FW bound, HYI_FW inverse, float *near_offset, float *far_offset) {
+    HYI_FW back = HYI_I(hyi_negative)(inverse);
+    HYI_STOREW(near_offset, HYI_MULW(HYI_ADDW(origin, bound), back));
+    HYI_STOREW(far_offset, HYI_MULW(HYI_SUBW(origin, bound), back));
+}
+
+/* The least and the greatest of all lanes, which are the same where these are coordinates of a camera. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_range)(const float lanes[HYI_PACKET_WIDTH], float *least, float *greatest) {
+    HYI_FW v = HYI_LOADW(lanes);
+    *least = *greatest = lanes[0];
+    if (HYI_BITSW(HYI_SAMEW(v, HYI_SETW(lanes[0]))) == HYI_ALLW) return;
+    *least = HYI_LEASTW(v);
+    *greatest = HYI_GREATESTW(v);
+}
+
 /* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
     float low[3], high[3], extent = 0.0f, z = 0.0f;
@@ -13,8 +31,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         if (!(greatest - least <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
-        low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
-        high[a] = HYI_GREATESTW(HYI_LOADW(o[a]));
+        HYI_I(hyi_range)(o[a], &low[a], &high[a]);
         extent = box->upper[a] - box->lower[a] > extent ? box->upper[a] - box->lower[a] : extent;
     }
     float below = hyi_reach(box, low[axis], (int)axis, false), above = hyi_reach(box, high[axis], (int)axis, false);
@@ -26,10 +43,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
         float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
         bool falls = (packet->group >> a & 1u) != 0u;
-        packet->bound[a] = bound;
         packet->near_origin[a] = falls ? low[a] - bound : high[a] + bound;
         packet->far_origin[a] = falls ? high[a] + bound : low[a] - bound;
-        HYI_STOREW(packet->inverse[a == (int)axis ? 2 : (a + 3 - (int)axis) % 3 - 1], HYI_LOADW(inverse[a]));
+        HYI_STOREW(packet->inverse[a], HYI_LOADW(inverse[a]));
+        HYI_I(hyi_store_offsets)(HYI_LOADW(o[a]), HYI_SETW(falls ? -bound : bound), HYI_LOADW(inverse[a]), packet->near_offset[a], packet->far_offset[a]);
         packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
         packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
     }
@@ -46,8 +63,6 @@ typedef struct HYI_I(hyi_block) {
     HYI_FW t_min, t_limit;
     HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
 } HYI_I(hyi_block);
-
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
 
 /* A whole number in all lanes: these are only moved, and chosen from. */
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
@@ -255,11 +270,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_SIZEW(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW v = block->origin[a], size = HYI_SIZEW(v);
         HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
         bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
-        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
-        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+        HYI_I(hyi_store_offsets)(v, bound, HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
     }
 }
 

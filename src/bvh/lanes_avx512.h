@@ -289,6 +289,7 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_ZEROW() _mm512_setzero_ps()
 #define HYI_SUBW(a, b) _mm512_sub_ps(a, b)
 #define HYI_MULW(a, b) _mm512_mul_ps(a, b)
+#define HYI_MADW(a, b, c) _mm512_fmadd_ps(a, b, c)
 #define HYI_MINW(a, b) _mm512_min_ps(a, b)
 #define HYI_MAXW(a, b) _mm512_max_ps(a, b)
 #define HYI_MAXW_AS_INTS(a, b) _mm512_castsi512_ps(_mm512_max_epi32(_mm512_castps_si512(a), _mm512_castps_si512(b)))

@@ -63,6 +63,7 @@
 #undef HYI_M8
 #undef HYI_MAD4
 #undef HYI_MAD8
+#undef HYI_MADW
 #undef HYI_MAX2
 #undef HYI_MAX4
 #undef HYI_MAX4_AS_INTS

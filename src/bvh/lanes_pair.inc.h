@@ -208,6 +208,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_SUBW(a, b) HYI_SUB8(a, b)
 #define HYI_MULW(a, b) HYI_MUL8(a, b)
 #define HYI_DIVW(a, b) HYI_DIV8(a, b)
+#define HYI_MADW(a, b, c) HYI_MAD8(a, b, c)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
 #define HYI_MAXW_AS_INTS(a, b) HYI_MAX8_AS_INTS(a, b)

@@ -29,12 +29,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, cons
 /* Bits of the rays of a packet that meet the box of child c. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
     HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
-    for (int k = 0; k < 3; k++) {
-        uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
-        float slack = (near_row & HYI_WIDTH) ? p->bound[a] : -p->bound[a];
-        HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
-        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row)[c] + slack), origin), inverse));
-        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row ^ HYI_WIDTH)[c] - slack), origin), inverse));
+    for (int a = 0; a < 3; a++) {
+        HYI_FW inverse = HYI_LOADW(p->inverse[a]);
+        first = HYI_MAXW(first, HYI_MADW(HYI_SETW(hyi_planes_at(node, swarm->near_plane[a])[c]), inverse, HYI_LOADW(p->near_offset[a])));
+        last = HYI_MINW(last, HYI_MADW(HYI_SETW(hyi_planes_at(node, swarm->near_plane[a] ^ HYI_WIDTH)[c]), inverse, HYI_LOADW(p->far_offset[a])));
     }
     return HYI_BITSW(HYI_LEW(first, last));
 }
@@ -488,7 +486,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* Packets of a list some of whose rays meet the box of a leaf, and bits of these. */
+/* Packets of a list, each of a pair by itself, some of whose rays meet the box of a leaf, and bits of these. */
 typedef struct HYI_I(hyi_visitors) {
     uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
     uint32_t count;
@@ -499,18 +497,28 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint
                                               HYI_I(hyi_visitors) *visitors) {
     uint32_t kept = 0;
     for (uint32_t i = 0; i < count; i++) {
-        uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[list[i]], node, c) : HYI_ALLW;
-        visitors->packets[kept] = list[i];
-        visitors->rays[kept] = rays;
-        kept += rays ? 1u : 0u;
+        for (uint32_t p = list[i]; p != HYK_NONE; p = swarm->packets[p].mate) {
+            uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[p], node, c) : HYI_ALLW;
+            visitors->packets[kept] = p;
+            visitors->rays[kept] = rays;
+            kept += rays ? 1u : 0u;
+            swarm->stream->leaf_visits++;
+        }
     }
     visitors->count = kept;
+}
+
+/* How far a packet, or pair, still looks after a hit. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    hyi_packet *lead = &swarm->packets[packet->lead];
+    HYI_FW t_far = HYI_LOADW(lead->t_far);
+    if (lead->mate != HYK_NONE) t_far = HYI_MAXW(t_far, HYI_LOADW(swarm->packets[lead->mate].t_far));
+    lead->last_t = HYI_GREATESTW(t_far);
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
                                                    const hyi_node *node, uint32_t c, bool any) {
     HYI_I(hyi_visitors) visitors;
-    swarm->stream->leaf_visits += count;
     HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
     for (uint32_t i = 0; i < visitors.count; i++) {
         hyi_packet *packet = &swarm->packets[visitors.packets[i]];
@@ -521,7 +529,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint3
         } else {
             found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
-        if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+        if (found) HYI_I(hyi_limit_packet)(swarm, packet);
     }
 }
 

@@ -47,6 +47,9 @@
 #define HYI_PACKET_SLOPES 0.6f
 #define HYI_PACKET_ORIGINS 0.02f
 
+/* Rays of two packets that go as a pair are off the middle of the first by slopes of no more than this. */
+#define HYI_PAIR_SLOPES 0.15f
+
 /* A word a lane; vectors of floats move them. */
 typedef union hyi_lane_words {
     uint32_t word[HYI_PACKET_WIDTH];
@@ -58,7 +61,7 @@ typedef union hyi_lane_words {
    of the others, with limits that nothing meets. */
 typedef struct hyi_packet {
     float origin[3][HYI_PACKET_WIDTH], direction[3][HYI_PACKET_WIDTH], shear[2][HYI_PACKET_WIDTH]; /* in the order of axis */
-    float inverse[3][HYI_PACKET_WIDTH]; /* likewise, of the direction kept from zero */
+    float inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH]; /* by axis of space */
     float inverse_z[HYI_PACKET_WIDTH], t_near[HYI_PACKET_WIDTH], t_far[HYI_PACKET_WIDTH], t_min[HYI_PACKET_WIDTH];
     float best_t[HYI_PACKET_WIDTH], least_t[HYI_PACKET_WIDTH]; /* of the nearest hit that is worked out, and hyi_aim.least_t */
     double t_by_z[HYI_PACKET_WIDTH];
@@ -67,12 +70,12 @@ typedef struct hyi_packet {
     uint32_t waiting;                    /* bits of the lanes where that is certain, but not worked out */
     uint32_t ray[HYI_PACKET_WIDTH];      /* its number among the rays, or flights, that the packet is made of */
     float near_origin[3], far_origin[3], inverse_low[3], inverse_high[3];
-    float bound[3];                      /* of the error of each origin, by which slabs are thicker */
     float first_t, last_t;
     uint32_t spread;                     /* 1: they begin at different points, and bounds of all say little of each */
     uint32_t live, group;                /* bits of the lanes with a ray; what their directions have in common: see hyi_aim_group */
     float shear_middle[2], shear_half[2]; /* of all rays, and the most by which they are off it */
-    uint32_t unused[6];                 /* fills the last cache line: vectors of rays lie in one each */
+    uint32_t lead, mate;                 /* of a pair: who goes for both, with the bounds of both; of that one: the other, HYK_NONE: it goes alone */
+    uint32_t unused[7];                  /* fills the last cache line: vectors of rays lie in one each */
 } hyi_packet;
 HYI_STATIC_ASSERT(sizeof(hyi_packet) % 64u == 0);
 
@@ -228,6 +231,39 @@ HYI_NOINLINE float hyi_settle_lane(const hyi_packet *packet, const hyi_bvh *bvh,
     aim.unit = 1.0;
     aim.noise = 0.0f;
     return hyi_confirm(&aim, hyi_leaf_rows(bvh, leaf), hyi_leaf_count(leaf), triangle, -FLT_MAX, FLT_MAX, weights, n);
+}
+
+/* ---- packets in pairs: where boxes are met by bounds, those of two packets from one point are met as fast as those of one */
+
+/* Lets other, of the same group, go along with lead; false: they do not begin at one point, or are too different. */
+HYI_INLINE bool hyi_join_packets(hyi_packet *lead, const hyi_packet *other) {
+    bool apart = lead->spread || other->spread;
+    for (int a = 0; a < 2; a++) apart = apart || !(fabsf(lead->shear_middle[a] - other->shear_middle[a]) + other->shear_half[a] <= HYI_PAIR_SLOPES);
+    for (int a = 0; a < 3; a++) apart = apart || lead->near_origin[a] != other->near_origin[a];
+    if (apart) return false;
+    for (int a = 0; a < 3; a++) {
+        lead->inverse_low[a] = lead->inverse_low[a] < other->inverse_low[a] ? lead->inverse_low[a] : other->inverse_low[a];
+        lead->inverse_high[a] = lead->inverse_high[a] > other->inverse_high[a] ? lead->inverse_high[a] : other->inverse_high[a];
+    }
+    lead->first_t = lead->first_t < other->first_t ? lead->first_t : other->first_t;
+    lead->last_t = lead->last_t > other->last_t ? lead->last_t : other->last_t;
+    return true;
+}
+
+/* Makes pairs of neighbours on a list of packets of one group, which then has one number for both; returns how many it has. */
+HYI_INLINE uint32_t hyi_pair_packets(hyi_packet *packets, uint32_t *list, uint32_t count) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t first = list[i], second = i + 1u < count ? list[i + 1u] : HYK_NONE;
+        packets[first].lead = list[kept++] = first;
+        packets[first].mate = HYK_NONE;
+        if (second == HYK_NONE || !hyi_join_packets(&packets[first], &packets[second])) continue;
+        packets[first].mate = second;
+        packets[second].lead = first;
+        packets[second].mate = HYK_NONE;
+        i++;
+    }
+    return kept;
 }
 
 /* ---- beginning */

@@ -47,7 +47,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hy
 }
 
 /* The same of packets, which have their near planes in common. Those that seem to meet many children, and begin at different points,
-   are looked at by each ray afterwards: a branch in the midst of the others would be taken by chance. */
+   are looked at by each ray afterwards, as no pairs are: a branch in the midst of the others would be taken by chance. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                    uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_I(hyi_planes) planes;
@@ -272,7 +272,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, 
     for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
         if (first[g + 1] == first[g]) continue;
         hyi_set_group(swarm, g);
-        HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room);
+        uint32_t some = hyi_pair_packets(swarm->packets, order + first[g], first[g + 1] - first[g]);
+        HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, order + first[g], some, space + room);
     }
 }
 
@@ -286,7 +287,8 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
         if (made < swarm->stream->packet_share && first + some < count) continue;
         for (uint32_t i = 0; i < made; i++) space[i] = i;
-        if (made) HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u));
+        uint32_t going = hyi_pair_packets(swarm->packets, space, made);
+        if (going) HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, space, going, space + ((made + 15u) & ~15u));
         for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
         made = 0;
     }
