@@ -19,10 +19,10 @@
    children stand here instead. */
 typedef struct hyi_cost {
     union {
-        float in_places[HYI_WIDTH];   /* least cost in 1 to 7 places; HYI_COST_NONE: there are not as many tips */
+        float in_places[HYI_WIDTH];   /* least cost in 1 to 7 places, or fewer */
         uint32_t members[HYI_WIDTH];
     } as;
-    uint8_t left[HYI_WIDTH - 1u];     /* of 2 to 8 places, those for the left child; 0: one place less does as well */
+    uint8_t left[HYI_WIDTH];          /* of 2 to 8 places, those for the left child; 0: one place less does as well */
     uint8_t tips;                     /* leaves of the binary tree, up to HYI_WIDTH; 0: costs are not known; children */
     uint8_t count;                    /* references, up to HYI_COUNT_MANY */
     bool leaf;                        /* in one place: whether as a leaf */
@@ -44,70 +44,88 @@ HYI_INLINE uint32_t hyi_height_of(const hyi_build *build, const hyi_build_node *
     return hyi_build_is_leaf(node) ? 0u : hyi_cost_at(build, node)->height;
 }
 
-HYI_INLINE void hyi_cost_of_leaf(const hyi_build_node *node, hyi_cost *cost) {
-    hyi_four none = hyi_four_all(HYI_COST_NONE);
-    memset(cost->left, 0, sizeof cost->left);
-    hyi_four_store(cost->as.in_places, none);
-    hyi_four_store(cost->as.in_places + 4, none);
-    cost->as.in_places[0] = hyi_leaf_cost(hyi_node_area(node), node->count);
-    cost->tips = 1;
-    cost->count = (uint8_t)node->count;
-    cost->leaf = true;
-    cost->height = 0;
-}
+/* What cutting up a subtree into places needs to know of it. */
+typedef struct hyi_shareable {
+    hyi_four low, high; /* hyi_cost's in_places */
+    uint32_t tips, count, height;
+} hyi_shareable;
 
-/* The best way to share out 2 to 8 places between two children: its cost, and how many the left one gets. */
-HYI_INLINE void hyi_best_shares(const hyi_cost *left, const hyi_cost *right, float shared[HYI_WIDTH], int32_t to_left[HYI_WIDTH]) {
-    hyi_four none = hyi_four_all(HYI_COST_NONE), low = none, high = none, low_left = hyi_four_all(1.0f), high_left = low_left;
-    float others[3u * HYI_WIDTH]; /* those of the right child from HYI_WIDTH on, nothing around them */
-    for (uint32_t i = 0; i < 3u * HYI_WIDTH; i += 4u)
-        hyi_four_store(others + i, i >= HYI_WIDTH && i < 2u * HYI_WIDTH ? hyi_four_load(right->as.in_places + (i - HYI_WIDTH)) : none);
-    for (uint32_t k = 1; k < HYI_WIDTH && k <= left->tips; k++) {
-        hyi_four mine = hyi_four_all(left->as.in_places[k - 1u]), here = hyi_four_all((float)k);
-        const float *rest = others + HYI_WIDTH + 1u - k;
-        hyi_four low_cost = hyi_four_add(mine, hyi_four_load(rest)), high_cost = hyi_four_add(mine, hyi_four_load(rest + 4));
-        low_left = hyi_four_pick_less(low_cost, low, here, low_left);
-        high_left = hyi_four_pick_less(high_cost, high, here, high_left);
-        low = hyi_four_min(low_cost, low);
-        high = hyi_four_min(high_cost, high);
+HYI_INLINE hyi_shareable hyi_share_of(const hyi_build *build, const hyi_build_node *node) {
+    hyi_shareable share;
+    if (hyi_build_is_leaf(node)) {
+        share.low = share.high = hyi_four_all(hyi_leaf_cost(hyi_node_area(node), node->count));
+        share.tips = 1;
+        share.count = node->count;
+        share.height = 0;
+    } else {
+        const hyi_cost *cost = hyi_cost_at(build, node);
+        share.low = hyi_four_load(cost->as.in_places);
+        share.high = hyi_four_load(cost->as.in_places + 4);
+        share.tips = cost->tips;
+        share.count = cost->count;
+        share.height = cost->height;
     }
-    hyi_four_store(shared, low);
-    hyi_four_store(shared + 4, high);
-    hyi_four_truncate(low_left, to_left);
-    hyi_four_truncate(high_left, to_left + 4);
+    return share;
 }
 
-/* The costs of a child; room: for those of a leaf. */
-HYI_INLINE const hyi_cost *hyi_cost_below(const hyi_build *build, const hyi_build_node *child, hyi_cost *room) {
-    if (!hyi_build_is_leaf(child)) return hyi_cost_at(build, child);
-    hyi_cost_of_leaf(child, room);
-    return room;
+/* The least costs of 2 to 8 places for two children, and how many the one with fewer tips gets then. */
+typedef struct hyi_sharing {
+    hyi_four low, high, few_low, few_high;
+} hyi_sharing;
+
+HYI_INLINE hyi_sharing hyi_best_sharing(const hyi_shareable *few, const hyi_shareable *many) {
+    const hyi_four none = hyi_four_all(HYI_COST_NONE);
+    hyi_sharing best = {none, none, none, none};
+    hyi_four low = many->low, high = many->high; /* in as many places as are left */
+    float mine[HYI_WIDTH];
+    hyi_four_store(mine, few->low);
+    hyi_four_store(mine + 4, few->high);
+    for (uint32_t k = 1; k < HYI_WIDTH && k <= few->tips; k++) {
+        hyi_four here = hyi_four_all(mine[k - 1u]), places = hyi_four_all((float)k);
+        hyi_four low_cost = hyi_four_add(here, low), high_cost = hyi_four_add(here, high);
+        best.few_low = hyi_four_pick_less(low_cost, best.low, places, best.few_low);
+        best.few_high = hyi_four_pick_less(high_cost, best.high, places, best.few_high);
+        best.low = hyi_four_min(low_cost, best.low);
+        best.high = hyi_four_min(high_cost, best.high);
+        high = hyi_four_shift(low, high);
+        low = hyi_four_shift(none, low);
+    }
+    return best;
+}
+
+/* The least costs of all places, from those of one place and of just so many; and where one place less does not do as well,
+   how many of them the left child gets. */
+HYI_INLINE void hyi_set_places(hyi_cost *cost, const hyi_sharing *best, hyi_four one, hyi_four left_low, hyi_four left_high) {
+    const hyi_four none = hyi_four_all(0.0f);
+    hyi_four low = hyi_four_shift(one, best->low), high = hyi_four_shift(best->low, best->high);
+    low = hyi_four_min(low, hyi_four_shift(one, low));
+    low = hyi_four_min(low, hyi_four_shift(one, hyi_four_shift(one, low)));
+    high = hyi_four_min(high, hyi_four_shift(low, high));
+    high = hyi_four_min(high, hyi_four_shift(low, hyi_four_shift(low, high)));
+    hyi_four_store(cost->as.in_places, low);
+    hyi_four_store(cost->as.in_places + 4, high);
+    hyi_four_to_bytes(hyi_four_pick_less(best->low, low, left_low, none), hyi_four_pick_less(best->high, high, left_high, none), cost->left);
 }
 
 HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
-    hyi_cost rooms[2];
+    const float low_places[4] = {2.0f, 3.0f, 4.0f, 5.0f}, high_places[4] = {6.0f, 7.0f, 8.0f, 9.0f};
     const hyi_build_node *children = &build->nodes[node->first];
-    const hyi_cost *left = hyi_cost_below(build, &children[0], &rooms[0]), *right = hyi_cost_below(build, &children[1], &rooms[1]);
-    float area = hyi_node_area(node), shared[HYI_WIDTH];
-    int32_t to_left[HYI_WIDTH];
-    uint32_t count = (uint32_t)left->count + right->count, tips = (uint32_t)left->tips + right->tips;
-    hyi_best_shares(left, right, shared, to_left);
-    tips = tips < HYI_WIDTH ? tips : HYI_WIDTH;
-    float wide = area * HYI_COST_NODE + shared[tips - 2u];
-    float leaf = count <= build->leaf_max ? hyi_leaf_cost(area, count) : FLT_MAX;
-    cost->tips = (uint8_t)tips;
-    cost->count = (uint8_t)(count < HYI_COUNT_MANY ? count : HYI_COUNT_MANY);
+    hyi_shareable left = hyi_share_of(build, &children[0]), right = hyi_share_of(build, &children[1]);
+    bool left_is_few = left.tips <= right.tips;
+    hyi_sharing best = left_is_few ? hyi_best_sharing(&left, &right) : hyi_best_sharing(&right, &left);
+    hyi_four left_low = left_is_few ? best.few_low : hyi_four_sub(hyi_four_load(low_places), best.few_low);
+    hyi_four left_high = left_is_few ? best.few_high : hyi_four_sub(hyi_four_load(high_places), best.few_high);
+    uint32_t count = left.count + right.count, tips = left.tips + right.tips;
+    float area = hyi_node_area(node), shared[4], shares[4];
+    hyi_four_store(shared, best.high);
+    hyi_four_store(shares, left_high);
+    float wide = area * HYI_COST_NODE + shared[HYI_WIDTH - 6u], leaf = count <= build->leaf_max ? hyi_leaf_cost(area, count) : FLT_MAX;
     cost->leaf = leaf <= wide;
-    cost->height = (uint8_t)(1u + (left->height > right->height ? left->height : right->height));
-    float least = cost->as.in_places[0] = cost->leaf ? leaf : wide;
-    for (uint32_t places = 2; places < HYI_WIDTH; places++) {
-        bool better = places <= tips && shared[places - 2u] < least;
-        least = better ? shared[places - 2u] : least;
-        cost->left[places - 2u] = (uint8_t)(better ? to_left[places - 2u] : 0);
-        cost->as.in_places[places - 1u] = places <= tips ? least : HYI_COST_NONE;
-    }
-    cost->as.in_places[HYI_WIDTH - 1u] = HYI_COST_NONE;
-    cost->left[HYI_WIDTH - 2u] = (uint8_t)to_left[tips - 2u];
+    hyi_set_places(cost, &best, hyi_four_all(cost->leaf ? leaf : wide), left_low, left_high);
+    cost->left[HYI_WIDTH - 2u] = (uint8_t)shares[HYI_WIDTH - 6u];
+    cost->tips = (uint8_t)(tips < HYI_WIDTH ? tips : HYI_WIDTH);
+    cost->count = (uint8_t)(count < HYI_COUNT_MANY ? count : HYI_COUNT_MANY);
+    cost->height = (uint8_t)(1u + (left.height > right.height ? left.height : right.height));
 }
 
 /* The costs of a node whose children's are known; of triangles in units, their count as well. */

@@ -32,6 +32,16 @@ HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_f
     __m128 less = _mm_cmplt_ps(a, b);
     return _mm_or_ps(_mm_and_ps(less, x), _mm_andnot_ps(less, y));
 }
+/* The last lane of before, then the first three of a. */
+HYI_INLINE hyi_four hyi_four_shift(hyi_four before, hyi_four a) {
+    __m128 seam = _mm_shuffle_ps(before, a, _MM_SHUFFLE(0, 0, 3, 3));
+    return _mm_shuffle_ps(seam, a, _MM_SHUFFLE(2, 1, 2, 0));
+}
+/* Eight whole numbers from 0 to 127. */
+HYI_INLINE void hyi_four_to_bytes(hyi_four a, hyi_four b, uint8_t *to) {
+    __m128i words = _mm_packs_epi32(_mm_cvttps_epi32(a), _mm_cvttps_epi32(b));
+    _mm_storel_epi64((__m128i *)(void *)to, _mm_packus_epi16(words, words));
+}
 HYI_INLINE void hyi_four_transpose(hyi_four a[4]) { _MM_TRANSPOSE4_PS(a[0], a[1], a[2], a[3]); }
 /* Whether a > b in x, y or z. */
 HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return (_mm_movemask_ps(_mm_cmpgt_ps(a, b)) & 7) != 0; }
@@ -56,6 +66,10 @@ HYI_INLINE hyi_four hyi_four_turn(hyi_four a) { return vsetq_lane_f32(vgetq_lane
 HYI_INLINE float hyi_four_sum(hyi_four a) { return vgetq_lane_f32(a, 0) + vgetq_lane_f32(a, 1) + vgetq_lane_f32(a, 2); }
 HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { vst1q_s32(to, vcvtq_s32_f32(a)); }
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) { return vbslq_f32(vcltq_f32(a, b), x, y); }
+HYI_INLINE hyi_four hyi_four_shift(hyi_four before, hyi_four a) { return vextq_f32(before, a, 3); }
+HYI_INLINE void hyi_four_to_bytes(hyi_four a, hyi_four b, uint8_t *to) {
+    vst1_u8(to, vqmovn_u16(vcombine_u16(vmovn_u32(vcvtq_u32_f32(a)), vmovn_u32(vcvtq_u32_f32(b)))));
+}
 HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
     float32x4x2_t low = vtrnq_f32(a[0], a[1]), high = vtrnq_f32(a[2], a[3]);
     a[0] = vcombine_f32(vget_low_f32(low.val[0]), vget_low_f32(high.val[0]));
@@ -117,6 +131,14 @@ HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) {
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) {
     for (int i = 0; i < 4; i++) x.f[i] = a.f[i] < b.f[i] ? x.f[i] : y.f[i];
     return x;
+}
+HYI_INLINE hyi_four hyi_four_shift(hyi_four before, hyi_four a) {
+    hyi_four r = hyi_four_make(before.f[3], a.f[0], a.f[1]);
+    r.f[3] = a.f[2];
+    return r;
+}
+HYI_INLINE void hyi_four_to_bytes(hyi_four a, hyi_four b, uint8_t *to) {
+    for (int i = 0; i < 8; i++) to[i] = (uint8_t)(i < 4 ? a.f[i] : b.f[i - 4]);
 }
 HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
     for (int i = 0; i < 4; i++) {
