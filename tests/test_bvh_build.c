@@ -384,7 +384,7 @@ static float bb_together(const hyi_clusters *c, uint32_t i, uint32_t j) {
 static void clusters_choose_the_best_partner(void **state) {
     (void)state;
     static hyi_clusters c;
-    static uint64_t merges[HYI_PIECE];
+    static uint32_t merges[HYI_PIECE];
     ht_rng rng = ht_rng_make(97);
     for (uint32_t count = 2; count <= HYI_PIECE; count += count < 40 ? 1 : 41) {
         bb_clusters(&c, &rng, count, false);
@@ -418,7 +418,7 @@ static void clusters_choose_the_best_partner(void **state) {
 static void clusters_hold_every_unit_once(void **state) {
     (void)state;
     static hyi_ref units[HYI_PIECE];
-    static uint64_t merges[HYI_PIECE], roots[HYI_PIECE];
+    static uint32_t merges[HYI_PIECE], roots[HYI_PIECE];
     ht_rng rng = ht_rng_make(90);
     for (uint32_t n = 0; n < 40; n++) {
         uint8_t seen[2 * HYI_PIECE] = {0}, height[HYI_PIECE], tallest = 0;
@@ -434,7 +434,7 @@ static void clusters_hold_every_unit_once(void **state) {
         for (uint32_t m = 0; m < piece.units - piece.clusters; m++) {
             height[m] = 1;
             for (uint32_t side = 0; side < 2; side++) {
-                uint32_t what = (uint32_t)(merges[m] >> 32 * side), merge = what & ~HYI_CLUSTER_INNER;
+                uint32_t what = merges[m] >> 16 * side & 0xffffu, merge = what & ~HYI_CLUSTER_INNER;
                 assert_true((what & HYI_CLUSTER_INNER) ? merge < m : what < piece.units);
                 assert_int_equal(seen[(what & HYI_CLUSTER_INNER) ? HYI_PIECE + merge : what]++, 0);
                 if ((what & HYI_CLUSTER_INNER) && height[merge] >= height[m]) height[m] = (uint8_t)(height[merge] + 1);
@@ -442,7 +442,7 @@ static void clusters_hold_every_unit_once(void **state) {
             tallest = height[m] > tallest ? height[m] : tallest;
         }
         for (uint32_t i = 0; i < piece.clusters; i++) {
-            uint32_t what = (uint32_t)roots[i];
+            uint32_t what = roots[i];
             assert_int_equal(seen[(what & HYI_CLUSTER_INNER) ? HYI_PIECE + (what & ~HYI_CLUSTER_INNER) : what]++, 0);
         }
         for (uint32_t i = 0; i < piece.units; i++) assert_int_equal(seen[i], 1);

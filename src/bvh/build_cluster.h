@@ -14,16 +14,19 @@
 #define HYI_CLUSTER_HEIGHT 20u  /* the most levels of a cluster: the tree above needs some as well */
 #define HYI_CLUSTER_FEW 16u     /* passes end when one has merged less than this part of the clusters */
 #define HYI_CLUSTER_FAR 1.0e18f /* half the size of a box that is no one's best partner */
-#define HYI_CLUSTER_INNER 0x10000u
+#define HYI_CLUSTER_INNER 0x8000u
 HYI_STATIC_ASSERT(HYI_CLUSTER_INNER > HYI_PIECE);
 
 /* Clusters in the order of the curve: references whose id is a unit of the piece, or HYI_CLUSTER_INNER and a merge, and
-   whose count is the height; and their boxes as rows of floats, with something to look at before and behind them. */
+   whose count is the height; their boxes as rows of floats, with something to look at before and behind them; and half the
+   surface of each together with those behind it. */
 #define HYI_CLUSTER_ROOM (HYI_PIECE + 2u * HYI_CLUSTER_REACH + 4u)
 typedef struct hyi_clusters {
-    hyi_ref refs[HYI_PIECE];
+    hyi_ref refs[HYI_PIECE + 4u];
     float planes[6][HYI_CLUSTER_ROOM]; /* lower x, y, z, upper x, y, z */
+    float surfaces[HYI_CLUSTER_REACH][HYI_CLUSTER_ROOM];
     int32_t partner[HYI_PIECE + 4u];   /* how far away */
+    uint8_t heights[HYI_PIECE];
     uint32_t count, merges;
 } hyi_clusters;
 
@@ -62,10 +65,18 @@ HYI_INLINE hyi_four_boxes hyi_load_boxes(const hyi_clusters *c, uint32_t at) {
 /* Half of the surface of four boxes together with four others. */
 HYI_INLINE hyi_four hyi_surface_with(const hyi_four_boxes *boxes, const hyi_clusters *c, uint32_t at) {
     hyi_four_boxes with = hyi_load_boxes(c, at);
-    hyi_four x = hyi_four_sub(hyi_four_max(boxes->plane[3], with.plane[3]), hyi_four_min(boxes->plane[0], with.plane[0]));
-    hyi_four y = hyi_four_sub(hyi_four_max(boxes->plane[4], with.plane[4]), hyi_four_min(boxes->plane[1], with.plane[1]));
-    hyi_four z = hyi_four_sub(hyi_four_max(boxes->plane[5], with.plane[5]), hyi_four_min(boxes->plane[2], with.plane[2]));
-    return hyi_four_add(hyi_four_mul(x, hyi_four_add(y, z)), hyi_four_mul(y, z));
+    hyi_four size[3];
+    for (uint32_t a = 0; a < 3; a++)
+        size[a] = hyi_four_sub(hyi_four_max(boxes->plane[3u + a], with.plane[3u + a]), hyi_four_min(boxes->plane[a], with.plane[a]));
+    return hyi_four_surface(size[0], size[1], size[2]);
+}
+
+/* From those before the first on, who are nobody's best partners. */
+HYI_FN void hyi_find_surfaces(hyi_clusters *c) {
+    for (uint32_t at = 0; at < HYI_CLUSTER_REACH + c->count; at += 4u) {
+        const hyi_four_boxes boxes = hyi_load_boxes(c, at);
+        for (uint32_t k = 1; k <= HYI_CLUSTER_REACH; k++) hyi_four_store(&c->surfaces[k - 1u][at], hyi_surface_with(&boxes, c, at + k));
+    }
 }
 
 /* Each cluster's best partner. Of equally good ones the one that is its pair in the order comes first, then closer ones,
@@ -74,17 +85,17 @@ HYI_FN void hyi_find_partners(hyi_clusters *c) {
     const float odd[4] = {0.0f, 1.0f, 0.0f, 1.0f};
     const hyi_four parity = hyi_four_load(odd), half = hyi_four_all(0.5f), ones = hyi_four_all(1.0f), back = hyi_four_all(-1.0f);
     hyi_spread_clusters(c);
+    hyi_find_surfaces(c);
     for (uint32_t i = 0; i < c->count; i += 4u) {
         const uint32_t at = HYI_CLUSTER_REACH + i;
-        const hyi_four_boxes boxes = hyi_load_boxes(c, at);
-        hyi_four before = hyi_surface_with(&boxes, c, at - 1u), behind = hyi_surface_with(&boxes, c, at + 1u);
+        hyi_four before = hyi_four_load(&c->surfaces[0][at - 1u]), behind = hyi_four_load(&c->surfaces[0][at]);
         hyi_four best = hyi_four_pick_less(parity, half, behind, before), other = hyi_four_pick_less(parity, half, before, behind);
         hyi_four which = hyi_four_pick_less(parity, half, ones, back);
         which = hyi_four_pick_less(other, best, hyi_four_sub(hyi_four_all(0.0f), which), which);
         best = hyi_four_min(other, best);
         for (uint32_t k = 2; k <= HYI_CLUSTER_REACH; k++) {
-            before = hyi_surface_with(&boxes, c, at - k);
-            behind = hyi_surface_with(&boxes, c, at + k);
+            before = hyi_four_load(&c->surfaces[k - 1u][at - k]);
+            behind = hyi_four_load(&c->surfaces[k - 1u][at]);
             which = hyi_four_pick_less(before, best, hyi_four_all(-(float)k), which);
             best = hyi_four_min(before, best);
             which = hyi_four_pick_less(behind, best, hyi_four_all((float)k), which);
@@ -94,35 +105,31 @@ HYI_FN void hyi_find_partners(hyi_clusters *c) {
     }
 }
 
-/* Merges two clusters into the first, unless that gets too high. */
-HYI_INLINE bool hyi_merge_two(hyi_clusters *c, hyi_ref *first, const hyi_ref *second, uint64_t *merges) {
-    uint32_t height = hyi_unit_count(first), other = hyi_unit_count(second);
-    hyi_bounds box = hyi_ref_box(first), more = hyi_ref_box(second);
-    height = other > height ? other : height;
-    if (height == HYI_CLUSTER_HEIGHT) return false;
-    hyi_bounds_add(&box, more.lower, more.upper);
-    merges[c->merges] = (uint64_t)hyi_ref_id(second) << 32 | hyi_ref_id(first);
-    hyi_unit_set(first, &box, HYI_CLUSTER_INNER | c->merges++, height + 1u);
-    return true;
-}
-
-/* Merges those that chose each other, each at the place of the first of the two. */
-HYI_FN void hyi_merge_partners(hyi_clusters *c, uint64_t *merges) {
+/* Merges those that chose each other, each at the place of the first of the two, unless that gets too high. No branch on who
+   merges: the second of two is written too, and then replaced by who comes next. */
+HYI_FN void hyi_merge_partners(hyi_clusters *c, uint32_t *merges) {
     uint32_t left = 0;
+    for (uint32_t i = 0; i < c->count; i++) c->heights[i] = (uint8_t)hyi_unit_count(&c->refs[i]);
     for (uint32_t i = 0; i < c->count; i++) {
-        uint32_t with = (uint32_t)((int32_t)i + c->partner[i]);
-        bool mutual = with < c->count && c->partner[with] == -c->partner[i];
-        if (mutual && with < i) continue;
-        hyi_ref ref = c->refs[i];
-        if (mutual && !hyi_merge_two(c, &ref, &c->refs[with], merges)) c->partner[with] = (int32_t)HYI_PIECE; /* nobody's */
-        c->refs[left++] = ref;
+        uint32_t with = (uint32_t)((int32_t)i + c->partner[i]), height = c->heights[i], other = c->heights[with];
+        uint32_t higher = other > height ? other : height;
+        uint32_t mutual = (uint32_t)(c->partner[with] == -c->partner[i]) & (uint32_t)(higher < HYI_CLUSTER_HEIGHT);
+        uint32_t merge = mutual & (uint32_t)(with > i);
+        const hyi_ref *first = &c->refs[i], *second = &c->refs[merge ? with : i];
+        hyi_bounds box = hyi_ref_box(first), more = hyi_ref_box(second);
+        uint32_t id = hyi_ref_id(first);
+        merges[c->merges] = hyi_ref_id(second) << 16 | id;
+        hyi_bounds_add(&box, more.lower, more.upper);
+        hyi_unit_set(&c->refs[left], &box, merge ? HYI_CLUSTER_INNER | c->merges : id, merge ? higher + 1u : height);
+        c->merges += merge;
+        left += 1u - (mutual & (uint32_t)(with < i));
     }
     c->count = left;
 }
 
 /* Clusters of a piece's units. merges and roots: room for as many as there are units: the children of each merge, the second
    in the high half; and what is left. */
-HYI_FN void hyi_cluster_units(const hyi_ref *units, hyi_piece *piece, uint64_t *merges, uint64_t *roots) {
+HYI_FN void hyi_cluster_units(const hyi_ref *units, hyi_piece *piece, uint32_t *merges, uint32_t *roots) {
     hyi_clusters c;
     uint32_t before, enough = piece->units / HYI_CLUSTER_SHARE + 1u;
     c.count = piece->units;
@@ -143,10 +150,11 @@ HYI_FN void hyi_cluster_units(const hyi_ref *units, hyi_piece *piece, uint64_t *
 
 /* ---- pieces, each by itself */
 
-/* A piece's merges take the places of its keys, and what is left those of the keys' other array. */
-HYI_INLINE uint64_t *hyi_piece_merges(const hyi_build *build, uint32_t piece) { return build->keys + (size_t)piece * HYI_PIECE; }
-HYI_INLINE uint64_t *hyi_piece_roots(const hyi_build *build, uint32_t piece) {
-    return build->keys + build->primitive_count + (size_t)piece * HYI_PIECE;
+/* A piece's merges take the places of its keys, and what is left the second half of these. */
+HYI_INLINE uint32_t *hyi_piece_merges(const hyi_build *build, uint32_t piece) { return (uint32_t *)(void *)(build->keys + (size_t)piece * HYI_PIECE); }
+HYI_INLINE uint32_t *hyi_piece_roots(const hyi_build *build, uint32_t piece) {
+    uint32_t left = build->primitive_count - piece * HYI_PIECE;
+    return hyi_piece_merges(build, piece) + (left < HYI_PIECE ? left : HYI_PIECE);
 }
 
 HYI_FN void hyi_make_piece(void *argument, uint32_t index) {
@@ -175,17 +183,8 @@ HYI_FN void hyi_make_pieces(hyi_build *build) {
 
 /* References become units, and these clusters; references are then to clusters, without boxes yet. */
 HYI_FN hydra_result hyi_build_units(hyi_build *build) {
-    hyi_sort sort;
     uint32_t count = build->primitive_count = build->ref_count;
-    sort.build = build;
-    sort.count = count;
-    sort.pieces = count < HYI_SORT_PIECE * HYI_SORT_PIECES ? count / HYI_SORT_PIECE + 1u : HYI_SORT_PIECES;
-    sort.keys = build->keys;
-    sort.other = build->keys + count;
-    sort.counts = (uint32_t *)(void *)(build->keys + 2u * (size_t)count);
-    hyi_make_curve(&build->root_centroids, &sort.curve);
-    hyi_parallel(build->context, build->chunk_count, hyi_make_keys, &sort);
-    hyi_sort_keys(&sort);
+    hyi_sort_refs(build);
     build->piece_count = (count + HYI_PIECE - 1u) / HYI_PIECE;
     HYI_TRY(hyi_alloc_array(build->context, &build->pieces, build->piece_count));
     hyi_make_pieces(build);
@@ -254,15 +253,15 @@ HYI_FN void hyi_place_piece(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
     hyi_piece *piece = &build->pieces[index];
     const hyi_ref *units = build->other + (size_t)index * HYI_PIECE;
-    const uint64_t *merges = hyi_piece_merges(build, index), *roots = hyi_piece_roots(build, index);
+    const uint32_t *merges = hyi_piece_merges(build, index), *roots = hyi_piece_roots(build, index);
     hyi_bounds centroids = hyi_bounds_empty();
     for (uint32_t m = 0; m < piece->units - piece->clusters; m++) {
         uint32_t at = 2u * (piece->first_pair + m);
-        hyi_set_member_node(build, at, piece, units, (uint32_t)merges[m]);
-        hyi_set_member_node(build, at + 1u, piece, units, (uint32_t)(merges[m] >> 32));
+        hyi_set_member_node(build, at, piece, units, merges[m] & 0xffffu);
+        hyi_set_member_node(build, at + 1u, piece, units, merges[m] >> 16);
     }
     for (uint32_t i = 0; i < piece->clusters; i++) {
-        hyi_bounds box = hyi_set_root(build, piece, units, (uint32_t)roots[i], &build->refs[piece->first_ref + i]);
+        hyi_bounds box = hyi_set_root(build, piece, units, roots[i], &build->refs[piece->first_ref + i]);
         hyi_add_centroid(&centroids, &box);
     }
     piece->centroids = centroids;

@@ -205,24 +205,49 @@ HYI_FN void hyi_sum_chunks(hyi_build *build) {
     build->root_area = hyi_bounds_area(&build->root_box);
 }
 
+/* How keys are sorted: the more of them, the wider the digits. A thread has a few pieces: each has counts of its own. */
+typedef struct hyi_sort_shape {
+    uint32_t digit_bits, digits, passes, pieces;
+} hyi_sort_shape;
+#define HYI_CODE_BITS 32u
+#define HYI_SORT_LARGE 8192u
+#define HYI_SORT_PIECES 64u /* at most */
+
+HYI_FN hyi_sort_shape hyi_shape_of_sort(const hyi_build *build) {
+    hyi_sort_shape shape;
+    uint32_t most = 2u * build->context->threads;
+    shape.digit_bits = build->source_count < HYI_SORT_LARGE ? 8u : 11u;
+    shape.digits = 1u << shape.digit_bits;
+    shape.passes = (HYI_CODE_BITS + shape.digit_bits - 1u) / shape.digit_bits;
+    most = most < HYI_SORT_PIECES ? most : HYI_SORT_PIECES;
+    shape.pieces = build->chunk_count < most ? build->chunk_count : most;
+    if (shape.pieces == 0) shape.pieces = 1;
+    return shape;
+}
+
 /* A quick build works in one block. The C library gives large ones back to the system unless they come again and again, and
-   fresh pages take up to a sixth of the time of the build. */
-#define HYI_KEY_COUNTS 8192u /* keys' places for the counts of the sort, behind two arrays of keys */
+   fresh pages take up to a sixth of the time of the build. References have an eighth more places than there are triangles,
+   for nodes to take later. Behind keys and their second array, where they are sorted, are the counts of the sort; of all three
+   only the keys stay, and the rest is spare. */
+#define HYI_SPARE_BYTES 27u /* for each triangle: costs and parents where units have nine triangles for five or more */
 
-#define HYI_SPARE_BYTES 24u  /* for each triangle: costs and parents where units have two or more */
+HYI_INLINE size_t hyi_quick_refs(uint32_t count) { return (size_t)count + count / 8u + 2u; }
 
-HYI_INLINE size_t hyi_key_places(uint32_t count) { return 2u * (size_t)count + HYI_KEY_COUNTS; }
+HYI_INLINE size_t hyi_order_places(uint32_t count) { return ((size_t)count + 2u * HYI_LEAF_MAX - 1u) / HYI_LEAF_MAX * HYI_LEAF_MAX; }
 
-HYI_FN size_t hyi_quick_room(uint32_t count) {
-    size_t keys = hyi_key_places(count) * sizeof(uint64_t), order = (size_t)count * sizeof(uint32_t);
-    return 2u * (size_t)count + (keys + order + (size_t)count * HYI_SPARE_BYTES) / sizeof(hyi_ref) + 2u;
+HYI_FN size_t hyi_quick_room(const hyi_build *build) {
+    hyi_sort_shape shape = hyi_shape_of_sort(build);
+    size_t count = build->source_count, keys = count * sizeof *build->keys, counts = (size_t)shape.pieces * shape.digits * sizeof(uint32_t);
+    size_t sorting = keys + counts, later = count * HYI_SPARE_BYTES + 64u;
+    size_t bytes = hyi_order_places(build->source_count) * sizeof *build->order + keys + (sorting > later ? sorting : later);
+    return hyi_quick_refs(build->source_count) + count + bytes / sizeof(hyi_ref) + 1u;
 }
 
 HYI_FN void hyi_share_room(hyi_build *build) {
-    build->other = build->refs + build->capacity;
-    build->keys = (uint64_t *)(void *)(build->other + build->capacity);
-    build->order = (uint32_t *)(void *)(build->keys + hyi_key_places(build->source_count));
-    build->spare = build->order + (build->source_count + 7u) / 8u * 8u;
+    build->other = build->refs + hyi_quick_refs(build->source_count);
+    build->order = (uint32_t *)(void *)(build->other + build->capacity);
+    build->keys = (uint64_t *)(void *)(build->order + hyi_order_places(build->source_count));
+    build->spare = build->keys + build->source_count;
 }
 
 /* Allocates and fills the references, sets the bounds and the scale, and counts what is kept. Unscaled and without
@@ -234,7 +259,7 @@ HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
     build->capacity = build->source_count + (extra < room ? extra : room);
     build->scale = 1.0f;
     HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
-    build->room = build->in_units ? hyi_quick_room(build->source_count) : build->capacity;
+    build->room = build->in_units ? hyi_quick_room(build) : build->capacity;
     HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->room));
     if (build->in_units) hyi_share_room(build);
     hyi_spread_chunks(build);

@@ -8,10 +8,7 @@
 
 #include "build_refs.h"
 
-#define HYI_CODE_BITS 32u
 #define HYI_AXIS_BITS 16u
-#define HYI_DIGIT_BITS 8u
-#define HYI_DIGITS (1u << HYI_DIGIT_BITS)
 
 /* How doubled centroids map to codes: cells of each axis by two tables, of the low and of the high byte of the cell. */
 typedef struct hyi_curve {
@@ -22,9 +19,10 @@ typedef struct hyi_curve {
 typedef struct hyi_sort {
     hyi_build *build;
     hyi_curve curve;
+    hyi_sort_shape shape;
     uint64_t *keys, *other; /* code, and below it the reference */
     uint32_t *counts;       /* of the digits, by piece; then where they go */
-    uint32_t count, pieces, shift;
+    uint32_t shift;
 } hyi_sort;
 
 /* Which axis each bit of the code belongs to, from the highest down; returns the bits of each. */
@@ -75,41 +73,50 @@ HYI_INLINE uint32_t hyi_code_of(const hyi_curve *curve, hyi_four centroid) {
     return code;
 }
 
-/* ---- pieces */
+/* ---- pieces: some chunks each */
 
-#define HYI_SORT_PIECES 64u
-#define HYI_SORT_PIECE 8192u /* the least keys of a piece: with fewer, threads wait for each other longer than they work */
-HYI_STATIC_ASSERT(HYI_SORT_PIECES * HYI_DIGITS * sizeof(uint32_t) <= HYI_KEY_COUNTS * sizeof(uint64_t));
-
-HYI_INLINE uint32_t hyi_piece_begin(const hyi_sort *sort, uint32_t piece) {
-    return (uint32_t)((uint64_t)sort->count * piece / sort->pieces);
+HYI_INLINE uint32_t hyi_sort_chunk(const hyi_sort *sort, uint32_t piece) {
+    return (uint32_t)((uint64_t)sort->build->chunk_count * piece / sort->shape.pieces);
 }
 
-/* References of a chunk lie where its part of the source does, without gaps; keys have none at all. */
-HYI_FN void hyi_make_keys(void *argument, uint32_t index) {
+HYI_INLINE uint32_t hyi_sort_begin(const hyi_sort *sort, uint32_t piece) {
+    return piece < sort->shape.pieces ? sort->build->chunks[hyi_sort_chunk(sort, piece)].first : sort->build->ref_count;
+}
+
+HYI_INLINE uint32_t hyi_digit_of(const hyi_sort *sort, uint64_t key) { return (uint32_t)(key >> sort->shift) & (sort->shape.digits - 1u); }
+
+HYI_INLINE uint32_t *hyi_digit_counts(const hyi_sort *sort, uint32_t piece) { return sort->counts + (size_t)piece * sort->shape.digits; }
+
+/* References of a chunk lie where its part of the source does, without gaps; keys have none at all. Counts the first digits. */
+HYI_FN void hyi_make_keys(void *argument, uint32_t piece) {
     hyi_sort *sort = (hyi_sort *)argument;
-    const hyi_chunk_sum *chunk = &sort->build->chunks[index];
-    for (uint32_t i = 0; i < chunk->kept; i++) {
-        uint32_t at = index * HYI_BUILD_CHUNK + i;
-        hyi_bounds box = hyi_ref_box(&sort->build->refs[at]);
-        sort->keys[chunk->first + i] = (uint64_t)hyi_code_of(&sort->curve, hyi_centroid(&box)) << 32 | at;
+    uint32_t *counts = hyi_digit_counts(sort, piece);
+    memset(counts, 0, sort->shape.digits * sizeof *counts);
+    for (uint32_t c = hyi_sort_chunk(sort, piece); c < hyi_sort_chunk(sort, piece + 1u); c++) {
+        const hyi_chunk_sum *chunk = &sort->build->chunks[c];
+        for (uint32_t i = 0; i < chunk->kept; i++) {
+            uint32_t at = c * HYI_BUILD_CHUNK + i;
+            hyi_bounds box = hyi_ref_box(&sort->build->refs[at]);
+            uint64_t key = (uint64_t)hyi_code_of(&sort->curve, hyi_centroid(&box)) << 32 | at;
+            sort->keys[chunk->first + i] = key;
+            counts[hyi_digit_of(sort, key)]++;
+        }
     }
 }
 
 HYI_FN void hyi_count_digits(void *argument, uint32_t piece) {
     hyi_sort *sort = (hyi_sort *)argument;
-    uint32_t counts[HYI_DIGITS], end = hyi_piece_begin(sort, piece + 1u);
-    memset(counts, 0, sizeof counts);
-    for (uint32_t i = hyi_piece_begin(sort, piece); i < end; i++) counts[sort->keys[i] >> sort->shift & (HYI_DIGITS - 1u)]++;
-    memcpy(sort->counts + (size_t)piece * HYI_DIGITS, counts, sizeof counts);
+    uint32_t *counts = hyi_digit_counts(sort, piece), end = hyi_sort_begin(sort, piece + 1u);
+    memset(counts, 0, sort->shape.digits * sizeof *counts);
+    for (uint32_t i = hyi_sort_begin(sort, piece); i < end; i++) counts[hyi_digit_of(sort, sort->keys[i])]++;
 }
 
 /* Counts become places: digit by digit, and within one piece by piece. */
 HYI_FN void hyi_place_digits(hyi_sort *sort) {
     uint32_t next = 0;
-    for (uint32_t digit = 0; digit < HYI_DIGITS; digit++) {
-        for (uint32_t piece = 0; piece < sort->pieces; piece++) {
-            uint32_t *place = &sort->counts[(size_t)piece * HYI_DIGITS + digit], count = *place;
+    for (uint32_t digit = 0; digit < sort->shape.digits; digit++) {
+        for (uint32_t piece = 0; piece < sort->shape.pieces; piece++) {
+            uint32_t *place = hyi_digit_counts(sort, piece) + digit, count = *place;
             *place = next;
             next += count;
         }
@@ -118,24 +125,31 @@ HYI_FN void hyi_place_digits(hyi_sort *sort) {
 
 HYI_FN void hyi_scatter_digits(void *argument, uint32_t piece) {
     hyi_sort *sort = (hyi_sort *)argument;
-    uint32_t places[HYI_DIGITS], end = hyi_piece_begin(sort, piece + 1u);
-    memcpy(places, sort->counts + (size_t)piece * HYI_DIGITS, sizeof places);
-    for (uint32_t i = hyi_piece_begin(sort, piece); i < end; i++) {
+    uint32_t *places = hyi_digit_counts(sort, piece), end = hyi_sort_begin(sort, piece + 1u);
+    for (uint32_t i = hyi_sort_begin(sort, piece); i < end; i++) {
         uint64_t key = sort->keys[i];
-        sort->other[places[key >> sort->shift & (HYI_DIGITS - 1u)]++] = key;
+        sort->other[places[hyi_digit_of(sort, key)]++] = key;
     }
 }
 
-/* An even number of passes: the result is where the keys were. */
-HYI_FN void hyi_sort_keys(hyi_sort *sort) {
-    const hydra_context *context = sort->build->context;
-    for (sort->shift = 32u; sort->shift < 64u; sort->shift += HYI_DIGIT_BITS) {
-        uint64_t *keys = sort->keys;
-        hyi_parallel(context, sort->pieces, hyi_count_digits, sort);
-        hyi_place_digits(sort);
-        hyi_parallel(context, sort->pieces, hyi_scatter_digits, sort);
-        sort->keys = sort->other;
-        sort->other = keys;
+/* Begins where the last pass brings the keys to where the build has them. */
+HYI_FN void hyi_sort_refs(hyi_build *build) {
+    hyi_sort sort;
+    sort.build = build;
+    sort.shape = hyi_shape_of_sort(build);
+    sort.keys = sort.shape.passes % 2u ? build->keys + build->source_count : build->keys;
+    sort.other = sort.shape.passes % 2u ? build->keys : build->keys + build->source_count;
+    sort.counts = (uint32_t *)(void *)(build->keys + 2u * (size_t)build->source_count);
+    sort.shift = 32u;
+    hyi_make_curve(&build->root_centroids, &sort.curve);
+    hyi_parallel(build->context, sort.shape.pieces, hyi_make_keys, &sort);
+    for (uint32_t pass = 0; pass < sort.shape.passes; pass++, sort.shift += sort.shape.digit_bits) {
+        uint64_t *keys = sort.keys;
+        if (pass > 0) hyi_parallel(build->context, sort.shape.pieces, hyi_count_digits, &sort);
+        hyi_place_digits(&sort);
+        hyi_parallel(build->context, sort.shape.pieces, hyi_scatter_digits, &sort);
+        sort.keys = sort.other;
+        sort.other = keys;
     }
 }
 

@@ -355,12 +355,12 @@ HYI_FN hydra_result hyi_cut_tasks(hyi_build *build) {
 }
 
 /* Whether quick builds have places left for nodes: those of the references that units were made of, behind the ones to
-   clusters, each pair in one cache line. Then there are half as many units as triangles at most, and what is kept by pairs
+   clusters, each pair in one cache line. Then there are nine units for sixteen triangles at most, and what is kept by pairs
    fits into the spare bytes. */
-HYI_STATIC_ASSERT(sizeof(hyi_cost) + sizeof(uint32_t) <= 2u * HYI_SPARE_BYTES);
+HYI_STATIC_ASSERT(9u * (sizeof(hyi_cost) + sizeof(uint32_t)) <= 16u * HYI_SPARE_BYTES);
 HYI_FN bool hyi_nodes_in_room(hyi_build *build, uint32_t pairs) {
     size_t first = ((size_t)build->ref_count + 1u) / 2u * 2u;
-    if (first + build->node_capacity > build->capacity) return false;
+    if (first + build->node_capacity > hyi_quick_refs(build->source_count)) return false;
     build->nodes = (hyi_build_node *)(void *)(build->refs + first);
     build->costs = (hyi_cost *)build->spare;
     build->parents = (uint32_t *)(void *)(build->costs + pairs);

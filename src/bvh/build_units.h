@@ -28,66 +28,112 @@ HYI_INLINE void hyi_unit_set(hyi_ref *unit, const hyi_bounds *box, uint32_t firs
     memcpy(&unit->upper[3], &bits, sizeof bits);
 }
 
-HYI_INLINE float hyi_unit_cost(const hyi_bounds *box, uint32_t count) {
-    return hyi_bounds_area(box) * (HYI_UNIT_VISIT + HYI_UNIT_TRIANGLE * (float)count);
+/* Units of a piece while they merge: boxes with the places of the first triangle and behind the last in lane 3, as floats, so
+   that minima and maxima of all four lanes are the union; the same as rows; and what each costs, whether it merges with the
+   next one, and what that adds to the cost of the tree, with one before the first. */
+#define HYI_UNIT_ROOM (HYI_PIECE + 8u)
+typedef struct hyi_units {
+    hyi_ref refs[HYI_UNIT_ROOM];
+    float rows[8][HYI_UNIT_ROOM];
+    float costs[HYI_UNIT_ROOM], losses[HYI_UNIT_ROOM];
+    int32_t merges[HYI_UNIT_ROOM];
+    uint32_t count;
+} hyi_units;
+#define HYI_LOSS_FIRST 4u
+
+/* Half of the surface of four boxes. */
+HYI_INLINE hyi_four hyi_four_surface(hyi_four x, hyi_four y, hyi_four z) {
+    return hyi_four_add(hyi_four_mul(x, hyi_four_add(y, z)), hyi_four_mul(y, z));
+}
+
+HYI_FN void hyi_spread_units(hyi_units *u) {
+    const hyi_four visit = hyi_four_all(HYI_UNIT_VISIT), each = hyi_four_all(HYI_UNIT_TRIANGLE);
+    for (uint32_t i = 0; i < u->count; i += 4u) {
+        hyi_four rows[8], size[4];
+        for (uint32_t k = 0; k < 4; k++) {
+            rows[k] = hyi_four_load(u->refs[i + k].lower);
+            rows[4u + k] = hyi_four_load(u->refs[i + k].upper);
+        }
+        hyi_four_transpose(rows);
+        hyi_four_transpose(rows + 4);
+        for (uint32_t r = 0; r < 8; r++) hyi_four_store(&u->rows[r][i], rows[r]);
+        for (uint32_t r = 0; r < 4; r++) size[r] = hyi_four_sub(rows[4u + r], rows[r]);
+        hyi_four_store(&u->costs[i], hyi_four_mul(hyi_four_surface(size[0], size[1], size[2]), hyi_four_add(visit, hyi_four_mul(each, size[3]))));
+    }
 }
 
 /* What merging each unit with the next one adds to the cost of the tree; FLT_MAX: that makes too large a unit, or there is
    no next. Nothing of a pass depends on the merges of the same pass, and no branch on the losses. */
-HYI_FN void hyi_merge_losses(const hyi_ref *units, uint32_t count, uint32_t most, float *losses) {
-    hyi_bounds box = hyi_ref_box(&units[0]);
-    uint32_t triangles = hyi_unit_count(&units[0]);
-    float cost = hyi_unit_cost(&box, triangles);
-    for (uint32_t i = 0; i + 1u < count; i++) {
-        hyi_bounds next = hyi_ref_box(&units[i + 1u]);
-        uint32_t more = hyi_unit_count(&units[i + 1u]), all = triangles + more;
-        hyi_bounds_add(&box, next.lower, next.upper);
-        float merged = hyi_bounds_area(&box) * (HYI_UNIT_VISIT - HYI_UNIT_PLACE + HYI_UNIT_TRIANGLE * (float)all);
-        float alone = hyi_unit_cost(&next, more);
-        losses[i] = all <= most ? merged - cost - alone : FLT_MAX;
-        box = next;
-        triangles = more;
-        cost = alone;
+HYI_FN void hyi_weigh_merges(hyi_units *u, uint32_t most) {
+    const hyi_four visit = hyi_four_all(HYI_UNIT_VISIT - HYI_UNIT_PLACE), each = hyi_four_all(HYI_UNIT_TRIANGLE);
+    const hyi_four limit = hyi_four_all((float)most), never = hyi_four_all(FLT_MAX);
+    float *losses = u->losses + HYI_LOSS_FIRST;
+    for (uint32_t i = 0; i < u->count; i += 4u) {
+        hyi_four size[4];
+        for (uint32_t r = 0; r < 4; r++) {
+            hyi_four upper = hyi_four_max(hyi_four_load(&u->rows[4u + r][i]), hyi_four_load(&u->rows[4u + r][i + 1u]));
+            size[r] = hyi_four_sub(upper, hyi_four_min(hyi_four_load(&u->rows[r][i]), hyi_four_load(&u->rows[r][i + 1u])));
+        }
+        hyi_four merged = hyi_four_mul(hyi_four_surface(size[0], size[1], size[2]), hyi_four_add(visit, hyi_four_mul(each, size[3])));
+        hyi_four loss = hyi_four_sub(hyi_four_sub(merged, hyi_four_load(&u->costs[i])), hyi_four_load(&u->costs[i + 1u]));
+        hyi_four_store(&losses[i], hyi_four_pick_less(limit, size[3], never, loss));
     }
-    losses[count - 1u] = FLT_MAX;
+    u->losses[HYI_LOSS_FIRST - 1u] = losses[u->count - 1u] = losses[u->count] = FLT_MAX;
 }
 
-/* Merges each pair of neighbours that no other neighbour suits better; returns how many units are left. losses: room. */
-HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count, uint32_t most, float *losses) {
-    uint32_t left = 0, taken = 0; /* taken: 1: the unit before has this one in it */
-    float before = FLT_MAX;
-    hyi_merge_losses(units, count, most, losses);
-    for (uint32_t i = 0; i < count; i++) {
-        float here = losses[i], after = losses[i + 1u < count ? i + 1u : i];
-        uint32_t merges = (uint32_t)(here < 0.0f) & (uint32_t)(here < before) & (uint32_t)(here <= after);
-        const hyi_ref *unit = &units[i], *other = unit + merges;
-        hyi_bounds box = hyi_ref_box(unit), next = hyi_ref_box(other);
-        uint32_t triangles = hyi_unit_count(unit) + merges * hyi_unit_count(other);
-        hyi_bounds_add(&box, next.lower, next.upper);
-        hyi_unit_set(&units[left], &box, hyi_ref_id(unit), triangles);
-        left += 1u - taken; /* what was written of one that is taken, the next one replaces */
-        taken = merges;
-        before = here;
+/* A unit merges with the next one where no other neighbour suits either better. */
+HYI_FN void hyi_choose_merges(hyi_units *u) {
+    const hyi_four none = hyi_four_all(0.0f);
+    const float *losses = u->losses + HYI_LOSS_FIRST;
+    for (uint32_t i = 0; i < u->count; i += 4u) {
+        hyi_four here = hyi_four_load(&losses[i]), merges = hyi_four_pick_less(here, none, hyi_four_all(1.0f), none);
+        merges = hyi_four_pick_less(here, hyi_four_load(u->losses + HYI_LOSS_FIRST - 1u + i), merges, none);
+        merges = hyi_four_pick_less(hyi_four_load(&losses[i + 1u]), here, none, merges);
+        hyi_four_truncate(merges, &u->merges[i]);
     }
-    return left;
+}
+
+HYI_FN void hyi_merge_units(hyi_units *u) {
+    uint32_t left = 0;
+    int32_t taken = 0; /* 1: the unit before has this one in it */
+    for (uint32_t i = 0; i < u->count; i++) {
+        const hyi_ref *unit = &u->refs[i], *other = unit + u->merges[i];
+        hyi_bounds box = hyi_ref_box(unit), next = hyi_ref_box(other);
+        hyi_bounds_add(&box, next.lower, next.upper);
+        hyi_four_store(u->refs[left].lower, box.lower);
+        hyi_four_store(u->refs[left].upper, box.upper);
+        left += 1u - (uint32_t)taken; /* what was written of one that is taken, the next one replaces */
+        taken = u->merges[i];
+    }
+    u->count = left;
 }
 
 /* Triangles of a part of the order become units, in the same places of other; returns how many. */
 HYI_FN uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count) {
+    hyi_units u;
     hyi_ref *units = build->other + begin;
-    float losses[HYI_PIECE];
-    uint32_t before, left = count;
+    uint32_t before;
     for (uint32_t i = 0; i < count; i++) {
         const hyi_ref *ref = &build->refs[(uint32_t)build->keys[begin + i]];
-        hyi_bounds box = hyi_ref_box(ref);
         build->order[begin + i] = hyi_ref_id(ref);
-        hyi_unit_set(&units[i], &box, begin + i, 1);
+        u.refs[i] = *ref;
+        u.refs[i].lower[3] = (float)i;
+        u.refs[i].upper[3] = (float)(i + 1u);
     }
+    u.count = count;
     do {
-        before = left;
-        left = hyi_merge_pass(units, left, build->leaf_max, losses);
-    } while (left < before - before / HYI_MERGE_FEW);
-    return left;
+        before = u.count;
+        hyi_spread_units(&u);
+        hyi_weigh_merges(&u, build->leaf_max);
+        hyi_choose_merges(&u);
+        hyi_merge_units(&u);
+    } while (u.count < before - before / HYI_MERGE_FEW);
+    for (uint32_t i = 0; i < u.count; i++) {
+        hyi_bounds box = hyi_ref_box(&u.refs[i]);
+        uint32_t first = (uint32_t)u.refs[i].lower[3], end = (uint32_t)u.refs[i].upper[3];
+        hyi_unit_set(&units[i], &box, begin + first, end - first);
+    }
+    return u.count;
 }
 
 #endif /* HYI_BVH_BUILD_UNITS_H */
