@@ -354,6 +354,14 @@ static void test_forged_structure(void **state) {
     ht_mesh_free(&mesh);
 }
 
+static void clear_node(hyi_node *node) {
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        for (int plane = 0; plane < 6; plane++) node->planes[plane][c] = plane % 2 ? -HYI_EMPTY_PLANE : HYI_EMPTY_PLANE;
+        node->child[c] = HYI_CHILD_NONE;
+        node->unused[c] = 0;
+    }
+}
+
 /* A chain of nodes as deep as stacks allow is taken, one deeper refused. */
 static hydra_result load_chain(world *w, uint32_t depth) {
     hyi_trees_header header;
@@ -365,7 +373,7 @@ static hydra_result load_chain(world *w, uint32_t depth) {
     hyi_node *nodes = (hyi_node *)calloc(depth, sizeof *nodes);
     uint32_t *ids = (uint32_t *)calloc(depth + 1u, sizeof *ids);
     for (uint32_t n = 0; n < depth; n++) {
-        hyi_clear_node(&nodes[n]);
+        clear_node(&nodes[n]);
         set_child(&nodes[n], 0, hyi_make_leaf(n, 1));
         set_child(&nodes[n], 1, n + 1u < depth ? n + 1u : hyi_make_leaf(depth, 1));
     }

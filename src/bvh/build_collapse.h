@@ -10,7 +10,9 @@
 /* Subtrees with no more references than this are written by one thread. */
 #define HYI_WIDE_TASK 4096u
 
-/* The binary nodes that become the children of one wide node, widest surface first. */
+/* The binary nodes that become the children of one wide node, widest surface first: with HYI_MEMBER_LEAF where it becomes
+   a leaf. */
+#define HYI_MEMBER_LEAF 0x80000000u
 typedef struct hyi_family {
     uint32_t count, inner;
     uint32_t member[HYI_WIDTH];
@@ -38,14 +40,14 @@ HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t at) {
 /* Keeps the order: largest surface first, then who came first. */
 HYI_FN void hyi_family_add(hyi_family *family, const hyi_build *build, uint32_t node) {
     float area = hyi_node_area(&build->nodes[node]);
-    uint32_t at = family->count++;
+    uint32_t at = family->count++, leaf = hyi_becomes_leaf(build, node) ? HYI_MEMBER_LEAF : 0u;
     for (; at > 0 && family->area[at - 1u] < area; at--) {
         family->area[at] = family->area[at - 1u];
         family->member[at] = family->member[at - 1u];
     }
     family->area[at] = area;
-    family->member[at] = node;
-    family->inner += hyi_becomes_leaf(build, node) ? 0u : 1u;
+    family->member[at] = node | leaf;
+    family->inner += leaf ? 0u : 1u;
 }
 
 /* Puts a subtree into up to places children. */
@@ -79,20 +81,21 @@ HYI_FN void hyi_recall_family(const hyi_build *build, uint32_t node, hyi_family 
     memcpy(family->member, cost->as.members, sizeof family->member);
     family->count = cost->tips;
     family->inner = 0;
-    for (uint32_t c = 0; c < family->count; c++) family->inner += hyi_becomes_leaf(build, family->member[c]) ? 0u : 1u;
+    for (uint32_t c = 0; c < family->count; c++) family->inner += 1u - family->member[c] / HYI_MEMBER_LEAF;
 }
 
 /* ---- leaves */
 
-/* The primitives below a binary node that becomes a leaf, each once; returns how many. */
-HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t count, uint32_t ids[HYI_LEAF_MAX]) {
+/* The primitives below a binary node that becomes a leaf, each once; returns how many. Units are copied with what comes
+   behind them, as if they were as large as may be. */
+HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t count, uint32_t ids[2u * HYI_LEAF_MAX]) {
     const hyi_build_node *from = &build->nodes[node];
     if (!hyi_build_is_leaf(from)) {
         count = hyi_gather_leaf(build, from->first, count, ids);
         return hyi_gather_leaf(build, from->first + 1u, count, ids);
     }
     if (build->in_units) {
-        memcpy(ids + count, build->order + from->first, from->count * sizeof *ids);
+        memcpy(ids + count, build->order + from->first, HYI_LEAF_MAX * sizeof *ids);
         return count + from->count;
     }
     for (uint32_t i = 0; i < from->count; i++) {
@@ -104,49 +107,75 @@ HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t 
     return count;
 }
 
-HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t first, uint32_t count, const uint32_t *ids) {
-    memcpy(build->bvh->ids + first, ids, count * sizeof *ids);
-    if (!build->positions) return;
-    float *row = build->bvh->rows + 9u * (size_t)first;
-    hyi_four scale = hyi_four_all(build->scale);
+/* The nine floats of a triangle, each in its row. */
+HYI_INLINE void hyi_write_lane(const hyi_build *build, uint32_t id, float *row, uint32_t count) {
+    const uint32_t *index = build->indices + 3u * (size_t)id;
+    for (uint32_t corner = 0; corner < 3; corner++) {
+        hyi_four p = hyi_four_load3(build->positions + 3u * (size_t)index[corner]);
+        hyi_four_scatter(hyi_four_mul(p, hyi_four_all(build->scale)), row + 3u * corner * count, count);
+    }
+}
+
+/* Triangles lie anywhere: those of a node's leaves are asked for together, unless the cache has so few of them. */
+#define HYI_SOURCE_LARGE 65536u
+HYI_INLINE void hyi_ask_for_triangles(const hyi_build *build, const uint32_t *ids, uint32_t count) {
+    if (build->source_count < HYI_SOURCE_LARGE) return;
+    for (uint32_t i = 0; i < count; i++) hyi_prefetch(build->indices + 3u * (size_t)ids[i]);
     for (uint32_t i = 0; i < count; i++) {
         const uint32_t *index = build->indices + 3u * (size_t)ids[i];
-        for (uint32_t corner = 0; corner < 3; corner++) {
-            hyi_four p = hyi_four_load3(build->positions + 3u * (size_t)index[corner]);
-            hyi_four_scatter(hyi_four_mul(p, scale), row + 3u * corner * count + i, count);
-        }
+        for (uint32_t corner = 0; corner < 3; corner++) hyi_prefetch(build->positions + 3u * (size_t)index[corner]);
+    }
+}
+
+/* The rows of a leaf whose ids are there. */
+HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t leaf) {
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
+    float *row = build->bvh->rows + 9u * (size_t)first;
+    for (uint32_t i = 0; i < count; i++) hyi_write_lane(build, build->bvh->ids[first + i], row + i, count);
+}
+
+/* All leaves of a node, whose triangles are count from first on. */
+HYI_FN void hyi_write_leaves(const hyi_build *build, const hyi_node *node, uint32_t first, uint32_t count, const uint32_t *ids) {
+    memcpy(build->bvh->ids + first, ids, count * sizeof *ids);
+    if (!build->positions) return;
+    hyi_ask_for_triangles(build, ids, count);
+    for (uint32_t c = 0; c < HYI_WIDTH && node->child[c] != HYI_CHILD_NONE; c++) {
+        if (hyi_child_is_leaf(node->child[c])) hyi_write_leaf(build, node->child[c]);
     }
 }
 
 /* ---- nodes */
 
-HYI_FN void hyi_clear_node(hyi_node *node) {
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        for (int a = 0; a < 3; a++) {
-            node->planes[2 * a][c] = HYI_EMPTY_PLANE;
-            node->planes[2 * a + 1][c] = -HYI_EMPTY_PLANE;
+/* Boxes of a family's members as planes, those of no one behind them; children are set as they get their places. */
+HYI_FN void hyi_begin_node(hyi_node *node, const hyi_build *build, const hyi_family *family) {
+    const hyi_build_node none = {{HYI_EMPTY_PLANE, HYI_EMPTY_PLANE, HYI_EMPTY_PLANE}, 0, {-HYI_EMPTY_PLANE, -HYI_EMPTY_PLANE, -HYI_EMPTY_PLANE}, 0};
+    for (uint32_t c = 0; c < HYI_WIDTH; c += 4u) {
+        hyi_four lower[4], upper[4];
+        for (uint32_t k = 0; k < 4; k++) {
+            const hyi_build_node *box = c + k < family->count ? &build->nodes[family->member[c + k] & ~HYI_MEMBER_LEAF] : &none;
+            lower[k] = hyi_four_load(box->lower);
+            upper[k] = hyi_four_load(box->upper);
         }
+        hyi_four_transpose(lower);
+        hyi_four_transpose(upper);
+        for (uint32_t a = 0; a < 3; a++) {
+            hyi_four_store(&node->planes[2u * a][c], lower[a]);
+            hyi_four_store(&node->planes[2u * a + 1u][c], upper[a]);
+        }
+    }
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
         node->child[c] = HYI_CHILD_NONE;
         node->unused[c] = 0;
     }
 }
 
-HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_build_node *box, uint32_t child) {
-    for (int a = 0; a < 3; a++) {
-        node->planes[2 * a][c] = box->lower[a];
-        node->planes[2 * a + 1][c] = box->upper[a];
-    }
-    node->child[c] = child;
-}
-
-/* Gives a leaf its slots, and writes it; returns the child. */
-HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary) {
+/* Gives a leaf its slots; returns the child. ids: room for the triangles, and for HYI_LEAF_MAX more. */
+HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary, uint32_t *ids) {
     const hyi_build_node *node = &walk->build->nodes[binary];
-    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot;
+    uint32_t first = walk->next_slot;
     uint32_t count = hyi_build_is_leaf(node) ? node->count : hyi_cost_at(walk->build, node)->count;
     if (walk->writes || walk->build->best) count = hyi_gather_leaf(walk->build, binary, 0, ids); /* parts of one triangle count once */
     walk->next_slot += count;
-    if (walk->writes) hyi_write_leaf(walk->build, first, count, ids);
     return hyi_make_leaf(first, count);
 }
 
@@ -167,7 +196,7 @@ HYI_FN hydra_result hyi_hand_over(hyi_wide_walk *walk, uint32_t binary, uint32_t
 
 /* The wide tree below a binary node that does not become a leaf, whose wide node has its place. */
 HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t root_place, uint32_t root_level) {
-    uint32_t binary[HYI_TREE_DEPTH * HYI_WIDTH], place[HYI_TREE_DEPTH * HYI_WIDTH], level[HYI_TREE_DEPTH * HYI_WIDTH];
+    uint32_t ids[(HYI_WIDTH + 1u) * HYI_LEAF_MAX], binary[HYI_TREE_DEPTH * HYI_WIDTH], place[HYI_TREE_DEPTH * HYI_WIDTH], level[HYI_TREE_DEPTH * HYI_WIDTH];
     hyi_build *build = walk->build;
     uint32_t waiting = 1;
     binary[0] = root;
@@ -184,20 +213,22 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
         walk->depth = depth + 1u > walk->depth ? depth + 1u : walk->depth;
         if (walk->writes) hyi_recall_family(build, from, &family);
         else hyi_gather_family(build, from, &family);
+        uint32_t first_slot = walk->next_slot;
         walk->next_node += family.inner;
-        if (node) hyi_clear_node(node);
+        if (node) hyi_begin_node(node, build, &family);
         for (uint32_t c = family.count, at = walk->next_node; c-- > 0;) {
-            uint32_t member = family.member[c], child;
-            if (hyi_becomes_leaf(build, member)) {
-                child = hyi_place_leaf(walk, member);
+            uint32_t member = family.member[c] & ~HYI_MEMBER_LEAF, child;
+            if (family.member[c] & HYI_MEMBER_LEAF) {
+                child = hyi_place_leaf(walk, member, ids + (walk->next_slot - first_slot));
             } else {
                 child = --at;
                 binary[waiting] = member;
                 place[waiting] = at;
                 level[waiting++] = depth + 1u;
             }
-            if (node) hyi_set_child(node, c, &build->nodes[member], child);
+            if (node) node->child[c] = child;
         }
+        if (node) hyi_write_leaves(build, node, first_slot, walk->next_slot - first_slot, ids);
     }
     return HYDRA_OK;
 }
@@ -260,7 +291,7 @@ HYI_FN hydra_result hyi_allocate_wide(hyi_build *build) {
 /* Allocates and writes what stays. */
 HYI_FN hydra_result hyi_collapse(hyi_build *build) {
     hyi_bvh *bvh = build->bvh;
-    uint32_t root = build->node_capacity - 1u, ids[HYI_LEAF_MAX];
+    uint32_t root = build->node_capacity - 1u, ids[2u * HYI_LEAF_MAX];
     bool one_leaf = hyi_becomes_leaf(build, root);
     bvh->scale = build->scale;
     hyi_bounds_store(&build->root_box, bvh->scaled.lower, bvh->scaled.upper);
@@ -268,7 +299,8 @@ HYI_FN hydra_result hyi_collapse(hyi_build *build) {
         bvh->slot_count = hyi_gather_leaf(build, root, 0, ids);
         HYI_TRY(hyi_allocate_wide(build));
         bvh->root = hyi_make_leaf(0, bvh->slot_count);
-        hyi_write_leaf(build, 0, bvh->slot_count, ids);
+        memcpy(bvh->ids, ids, bvh->slot_count * sizeof *ids);
+        if (build->positions) hyi_write_leaf(build, bvh->root);
         return HYDRA_OK;
     }
     HYI_TRY(hyi_count_wide(build, root));
