@@ -7,8 +7,14 @@
 
 #include "build_reinsert.h"
 
-/* Subtrees with no more references than this are written by one thread. */
-#define HYI_WIDE_TASK 4096u
+/* Subtrees with no more references than a sixteenth of all, but for these bounds, are written by one thread. */
+#define HYI_WIDE_TASK_LEAST 256u
+#define HYI_WIDE_TASK_MOST 4096u
+
+HYI_INLINE uint32_t hyi_wide_task_size(const hyi_build *build) {
+    uint32_t size = build->source_count / 16u;
+    return size < HYI_WIDE_TASK_LEAST ? HYI_WIDE_TASK_LEAST : size < HYI_WIDE_TASK_MOST ? size : HYI_WIDE_TASK_MOST;
+}
 
 /* The binary nodes that become the children of one wide node, widest surface first: with HYI_MEMBER_LEAF where it becomes
    a leaf. */
@@ -206,7 +212,7 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
         hyi_family family;
         uint32_t from = binary[--waiting], depth = level[waiting];
         hyi_node *node = walk->writes ? &build->bvh->nodes[place[waiting]] : NULL;
-        if (walk->collects && (build->nodes[from].count & ~HYI_BUILD_INNER) <= HYI_WIDE_TASK) {
+        if (walk->collects && (build->nodes[from].count & ~HYI_BUILD_INNER) <= hyi_wide_task_size(build)) {
             HYI_TRY(hyi_hand_over(walk, from, place[waiting], depth));
             continue;
         }

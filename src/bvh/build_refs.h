@@ -210,13 +210,14 @@ typedef struct hyi_sort_shape {
     uint32_t digit_bits, digits, passes, pieces;
 } hyi_sort_shape;
 #define HYI_CODE_BITS 32u
-#define HYI_SORT_LARGE 8192u
+#define HYI_SORT_WIDE 8192u
+#define HYI_SORT_LARGE 32768u /* with fewer keys, threads wait for each other longer than they work */
 #define HYI_SORT_PIECES 64u /* at most */
 
 HYI_FN hyi_sort_shape hyi_shape_of_sort(const hyi_build *build) {
     hyi_sort_shape shape;
-    uint32_t most = 2u * build->context->threads;
-    shape.digit_bits = build->source_count < HYI_SORT_LARGE ? 8u : 11u;
+    uint32_t most = build->source_count < HYI_SORT_LARGE ? 1u : 2u * build->context->threads;
+    shape.digit_bits = build->source_count < HYI_SORT_WIDE ? 8u : 11u;
     shape.digits = 1u << shape.digit_bits;
     shape.passes = (HYI_CODE_BITS + shape.digit_bits - 1u) / shape.digit_bits;
     most = most < HYI_SORT_PIECES ? most : HYI_SORT_PIECES;

@@ -11,7 +11,7 @@
 
 #include "build_tree.h"
 
-#define HYI_REINSERT_PIECE 32u /* candidates in a piece of work */
+#define HYI_REINSERT_PIECE 64u /* candidates in a piece of work */
 #define HYI_NO_NODE UINT32_MAX
 
 typedef struct hyi_candidate {

@@ -47,16 +47,14 @@ HYI_FN void hyi_make_curve(const hyi_bounds *centroids, hyi_curve *curve) {
     hyi_four_store(extent, hyi_four_sub(centroids->upper, centroids->lower));
     hyi_share_bits(extent, axis_of, bits);
     for (uint32_t i = HYI_CODE_BITS; i-- > 0;) place[axis_of[i]][filled[axis_of[i]]++] = HYI_CODE_BITS - 1u - i;
-    memset(curve->low, 0, sizeof curve->low);
-    memset(curve->high, 0, sizeof curve->high);
     for (int a = 0; a < 3; a++) {
         if (extent[a] > 1.0e-30f) scale[a] = (float)(1u << bits[a]) / extent[a];
         last[a] = (float)((1u << bits[a]) - 1u);
-        for (uint32_t cell = 0; cell < 256u; cell++) {
-            for (uint32_t b = 0; b < bits[a]; b++) {
-                if (b < 8u) curve->low[a][cell] |= (cell >> b & 1u) << place[a][b];
-                else curve->high[a][cell] |= (cell >> (b - 8u) & 1u) << place[a][b];
-            }
+        curve->low[a][0] = curve->high[a][0] = 0u;
+        for (uint32_t cell = 1; cell < 256u; cell++) { /* a bit more than a cell before */
+            uint32_t rest = cell & (cell - 1u), bit = hyi_lowest_bit(cell);
+            curve->low[a][cell] = curve->low[a][rest] | (bit < bits[a] ? 1u << place[a][bit] : 0u);
+            curve->high[a][cell] = curve->high[a][rest] | (bit + 8u < bits[a] ? 1u << place[a][bit + 8u] : 0u);
         }
     }
     curve->origin = centroids->lower;
