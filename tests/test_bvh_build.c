@@ -279,6 +279,53 @@ static void bb_check_reinsertion(int m, const ht_mesh *mesh, hydra_build quality
     tb_close(&host);
 }
 
+static float bb_in_places(const hyi_build *build, const hyi_build_node *node, uint32_t places) {
+    if (hyi_build_is_leaf(node)) return hyi_leaf_cost(hyi_node_area(node), node->count);
+    return hyi_cost_at(build, node)->as.in_places[places - 1u];
+}
+
+/* A node's cost in so many places, the left child getting some of them. */
+static float bb_shared(const hyi_build *build, const hyi_build_node *node, uint32_t places, uint32_t left) {
+    return bb_in_places(build, &build->nodes[node->first], left) + bb_in_places(build, &build->nodes[node->first + 1u], places - left);
+}
+
+static void bb_check_cost(const hyi_build *build, const hyi_build_node *node) {
+    const hyi_cost *cost = hyi_cost_at(build, node);
+    for (uint32_t places = 2; places <= HYI_WIDTH; places++) {
+        uint32_t left = cost->left[places - 2u];
+        float best = FLT_MAX;
+        for (uint32_t k = 1; k < places; k++) best = fminf(best, bb_shared(build, node, places, k));
+        if (left) assert_true(left < places && bb_shared(build, node, places, left) == best);
+        if (places == HYI_WIDTH) assert_true(left && (cost->leaf || cost->as.in_places[0] == hyi_node_area(node) * HYI_COST_NODE + best));
+        else assert_true(cost->as.in_places[places - 1u] == fminf(best, cost->as.in_places[places - 2u]));
+        if (places < HYI_WIDTH) assert_int_equal(left == 0, cost->as.in_places[places - 1u] == cost->as.in_places[places - 2u]);
+    }
+}
+
+/* The least costs of a node follow from those of its children. Catches: shares of one child counted for the other, and
+   places that are not tried. */
+static void costs_are_the_least_there_are(void **state) {
+    (void)state;
+    ht_rng rng = ht_rng_make(89);
+    for (int m = 0; m < 3; m++) {
+        tb_host host;
+        ht_mesh mesh = bb_mesh(m, &rng);
+        hyi_bvh bvh;
+        hyi_build build;
+        tb_open(&host);
+        memset(&bvh, 0, sizeof bvh);
+        hyi_build_describe(&build, &host.context, mesh.positions, mesh.indices, mesh.index_count / 3, HYDRA_BUILD_FAST, &bvh);
+        assert_int_equal(hyi_build_refs(&build), HYDRA_OK);
+        assert_int_equal(hyi_build_units(&build), HYDRA_OK);
+        assert_int_equal(hyi_build_tree(&build), HYDRA_OK);
+        for (uint32_t n = 0; n < build.node_capacity; n++)
+            if (!hyi_build_is_leaf(&build.nodes[n])) bb_check_cost(&build, &build.nodes[n]);
+        hyi_build_release(&build);
+        tb_close(&host);
+        ht_mesh_free(&mesh);
+    }
+}
+
 static void reinsertion_keeps_a_tree_and_makes_it_cheaper(void **state) {
     (void)state;
     ht_rng rng = ht_rng_make(98);
@@ -354,6 +401,42 @@ static void units_are_leaves_of_a_few(void **state) {
         hyi_build_release(&build);
         tb_close(&host);
         ht_mesh_free(&mesh);
+    }
+}
+
+/* What merging neighbours adds is the cost of both together less that of each, and those merge that no other neighbour suits
+   better. Catches: rows that are mixed up, limits that let too many in, and units that merge with two others. */
+static void units_merge_with_the_best_neighbour(void **state) {
+    (void)state;
+    static hyi_units u;
+    static hyi_ref refs[HYI_PIECE];
+    ht_rng rng = ht_rng_make(91);
+    for (uint32_t count = 1; count <= HYI_PIECE; count += count < 20 ? 1 : 251) {
+        float first = 0;
+        for (uint32_t i = 0; i < count; i++) {
+            float low[3], high[3];
+            for (int a = 0; a < 3; a++) low[a] = ht_range(&rng, 0, 1), high[a] = low[a] + ht_range(&rng, 0, 2);
+            hyi_bounds box = hyi_bounds_load(low, high);
+            hyi_ref_set(&refs[i], &box, 0);
+            refs[i].lower[3] = first;
+            refs[i].upper[3] = first += 1.0f + floorf(ht_range(&rng, 0, 4));
+        }
+        u.refs = refs;
+        u.count = count;
+        hyi_spread_units(&u);
+        hyi_weigh_merges(&u, 6);
+        hyi_choose_merges(&u);
+        const float *losses = u.losses + HYI_LOSS_FIRST;
+        for (uint32_t i = 0; i + 1 < count; i++) {
+            hyi_bounds box = hyi_ref_box(&refs[i]), next = hyi_ref_box(&refs[i + 1]);
+            float a = refs[i].upper[3] - refs[i].lower[3], b = refs[i + 1].upper[3] - refs[i + 1].lower[3];
+            float alone = hyi_bounds_area(&box) * (HYI_UNIT_VISIT + HYI_UNIT_TRIANGLE * a) + hyi_bounds_area(&next) * (HYI_UNIT_VISIT + HYI_UNIT_TRIANGLE * b);
+            float together = hyi_bounds_area_with(&box, next.lower, next.upper) * (HYI_UNIT_VISIT - HYI_UNIT_PLACE + HYI_UNIT_TRIANGLE * (a + b));
+            if (a + b > 6) assert_true(losses[i] == FLT_MAX);
+            else assert_true(fabsf(losses[i] - (together - alone)) < 1e-5f * together);
+            assert_int_equal(u.merges[i], losses[i] < 0 && losses[i] < losses[(int32_t)i - 1] && losses[i] <= losses[i + 1]);
+        }
+        assert_int_equal(u.merges[count - 1], 0);
     }
 }
 
@@ -613,9 +696,11 @@ int hydra_test_bvh_build(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(trees_hold_every_point_of_every_triangle),
         cmocka_unit_test(spatial_splits_are_made_where_boxes_overlap),
+        cmocka_unit_test(costs_are_the_least_there_are),
         cmocka_unit_test(reinsertion_keeps_a_tree_and_makes_it_cheaper),
         cmocka_unit_test(any_node_may_go_anywhere),
         cmocka_unit_test(units_are_leaves_of_a_few),
+        cmocka_unit_test(units_merge_with_the_best_neighbour),
         cmocka_unit_test(clusters_choose_the_best_partner),
         cmocka_unit_test(clusters_hold_every_unit_once),
         cmocka_unit_test(quick_trees_are_good_ones),

@@ -128,8 +128,8 @@ HYI_FN void hyi_merge_partners(hyi_clusters *c, uint32_t *merges) {
 }
 
 /* Clusters of a piece's units. merges and roots: room for as many as there are units: the children of each merge, the second
-   in the high half; and what is left. */
-HYI_FN void hyi_cluster_units(const hyi_ref *units, hyi_piece *piece, uint32_t *merges, uint32_t *roots) {
+   in the high half; and what is left. By itself, as making units is: what each works in is not to stand on the stack together. */
+HYI_NOINLINE void hyi_cluster_units(const hyi_ref *units, hyi_piece *piece, uint32_t *merges, uint32_t *roots) {
     hyi_clusters c;
     uint32_t before, enough = piece->units / HYI_CLUSTER_SHARE + 1u;
     c.count = piece->units;

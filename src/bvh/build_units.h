@@ -33,7 +33,7 @@ HYI_INLINE void hyi_unit_set(hyi_ref *unit, const hyi_bounds *box, uint32_t firs
    next one, and what that adds to the cost of the tree, with one before the first. */
 #define HYI_UNIT_ROOM (HYI_PIECE + 8u)
 typedef struct hyi_units {
-    hyi_ref refs[HYI_UNIT_ROOM];
+    hyi_ref *refs;
     float rows[8][HYI_UNIT_ROOM];
     float costs[HYI_UNIT_ROOM], losses[HYI_UNIT_ROOM];
     int32_t merges[HYI_UNIT_ROOM];
@@ -51,8 +51,9 @@ HYI_FN void hyi_spread_units(hyi_units *u) {
     for (uint32_t i = 0; i < u->count; i += 4u) {
         hyi_four rows[8], size[4];
         for (uint32_t k = 0; k < 4; k++) {
-            rows[k] = hyi_four_load(u->refs[i + k].lower);
-            rows[4u + k] = hyi_four_load(u->refs[i + k].upper);
+            const hyi_ref *ref = &u->refs[i + k < u->count ? i + k : i];
+            rows[k] = hyi_four_load(ref->lower);
+            rows[4u + k] = hyi_four_load(ref->upper);
         }
         hyi_four_transpose(rows);
         hyi_four_transpose(rows + 4);
@@ -108,19 +109,24 @@ HYI_FN void hyi_merge_units(hyi_units *u) {
     u->count = left;
 }
 
-/* Triangles of a part of the order become units, in the same places of other; returns how many. */
-HYI_FN uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count) {
-    hyi_units u;
-    hyi_ref *units = build->other + begin;
-    uint32_t before;
-    for (uint32_t i = 0; i < count; i++) {
+/* The triangles of a part of the order, a unit each. */
+HYI_FN void hyi_begin_units(const hyi_build *build, uint32_t begin, hyi_units *u) {
+    for (uint32_t i = 0; i < u->count; i++) {
         const hyi_ref *ref = &build->refs[(uint32_t)build->keys[begin + i]];
         build->order[begin + i] = hyi_ref_id(ref);
-        u.refs[i] = *ref;
-        u.refs[i].lower[3] = (float)i;
-        u.refs[i].upper[3] = (float)(i + 1u);
+        u->refs[i] = *ref;
+        u->refs[i].lower[3] = (float)i;
+        u->refs[i].upper[3] = (float)(i + 1u);
     }
+}
+
+/* Triangles of a part of the order become units, in the same places of other; returns how many. */
+HYI_NOINLINE uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count) {
+    hyi_units u;
+    uint32_t before;
+    u.refs = build->other + begin;
     u.count = count;
+    hyi_begin_units(build, begin, &u);
     do {
         before = u.count;
         hyi_spread_units(&u);
@@ -131,7 +137,7 @@ HYI_FN uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count)
     for (uint32_t i = 0; i < u.count; i++) {
         hyi_bounds box = hyi_ref_box(&u.refs[i]);
         uint32_t first = (uint32_t)u.refs[i].lower[3], end = (uint32_t)u.refs[i].upper[3];
-        hyi_unit_set(&units[i], &box, begin + first, end - first);
+        hyi_unit_set(&u.refs[i], &box, begin + first, end - first);
     }
     return u.count;
 }
