@@ -78,30 +78,59 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
     }
 }
 
-/* ---- eight flights side by side at a node
+/* Four successive words of each of sixteen rays, as rows of one word of all: four by four in each quarter. */
+HYI_INLINE HYI_AVX512 void hyi_four_words_avx512(const char *const at[16], size_t offset, __m512 rows[4]) {
+    __m512 a[4];
+    for (uint32_t k = 0; k < 4u; k++) {
+        a[k] = _mm512_castps128_ps512(_mm_loadu_ps((const float *)(const void *)(at[k] + offset)));
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[4u + k] + offset)), 1);
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[8u + k] + offset)), 2);
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[12u + k] + offset)), 3);
+    }
+    __m512 low01 = _mm512_unpacklo_ps(a[0], a[1]), high01 = _mm512_unpackhi_ps(a[0], a[1]);
+    __m512 low23 = _mm512_unpacklo_ps(a[2], a[3]), high23 = _mm512_unpackhi_ps(a[2], a[3]);
+    rows[0] = _mm512_shuffle_ps(low01, low23, 0x44);
+    rows[1] = _mm512_shuffle_ps(low01, low23, 0xee);
+    rows[2] = _mm512_shuffle_ps(high01, high23, 0x44);
+    rows[3] = _mm512_shuffle_ps(high01, high23, 0xee);
+}
 
-   What else meets the boxes of a node ray by ray, eight boxes at a time, meets them here box by box, eight rays at a time: planes
-   are broadcast instead of rays, of which there are more, and who enters a child is known in the order of the list. With vectors of
-   sixteen the processor's clock fell by a tenth; without masks for a choice between planes there is nothing to gain. */
+/* ---- flights side by side at a node
 
-/* hyi_aim of eight flights from inverse to inverse_z; where each component of the direction is negative. */
-typedef struct hyi_slabs_avx512 {
+   What else meets the boxes of a node ray by ray, eight boxes at a time, meets them here box by box, sixteen or eight rays at a time:
+   planes are broadcast instead of rays, of which there are more, and who enters a child is known in the order of the list. Without
+   masks for a choice between planes there is nothing to gain. */
+
+/* hyi_aim of flights from inverse to inverse_z; where each component of the direction is negative. */
+typedef struct hyi_slabs8_avx512 {
     __m256 words[12];
     __mmask8 falls[3];
-} hyi_slabs_avx512;
+} hyi_slabs8_avx512;
+
+typedef struct hyi_slabs16_avx512 {
+    __m512 words[12];
+    __mmask16 falls[3];
+} hyi_slabs16_avx512;
 
 HYI_STATIC_ASSERT(offsetof(hyi_aim, near_offset) - offsetof(hyi_aim, inverse) == 12 && offsetof(hyi_aim, far_offset) - offsetof(hyi_aim, inverse) == 24 &&
                   offsetof(hyi_aim, t_near) - offsetof(hyi_aim, inverse) == 36 && offsetof(hyi_aim, t_far) - offsetof(hyi_aim, inverse) == 40);
 
-HYI_INLINE HYI_AVX512 void hyi_load_slabs_avx512(const hyi_flight *flights, const uint32_t list[8], hyi_slabs_avx512 *s) {
+HYI_INLINE HYI_AVX512 void hyi_load_slabs8_avx512(const hyi_flight *flights, const uint32_t list[8], hyi_slabs8_avx512 *s) {
     const char *at[8];
     for (uint32_t i = 0; i < 8u; i++) at[i] = (const char *)flights[list[i]].aim.inverse;
     for (uint32_t word = 0; word < 12u; word += 4u) hyi_four_words_avx2(at, 4u * word, s->words + word);
     for (int a = 0; a < 3; a++) s->falls[a] = _mm256_movepi32_mask(_mm256_castps_si256(s->words[a]));
 }
 
+HYI_INLINE HYI_AVX512 void hyi_load_slabs16_avx512(const hyi_flight *flights, const uint32_t list[16], hyi_slabs16_avx512 *s) {
+    const char *at[16];
+    for (uint32_t i = 0; i < 16u; i++) at[i] = (const char *)flights[list[i]].aim.inverse;
+    for (uint32_t word = 0; word < 12u; word += 4u) hyi_four_words_avx512(at, 4u * word, s->words + word);
+    for (int a = 0; a < 3; a++) s->falls[a] = _mm512_movepi32_mask(_mm512_castps_si512(s->words[a]));
+}
+
 /* Who meets the box of child c, and where: hyi_meet_boxes. */
-HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child_avx512(const hyi_slabs_avx512 *s, const hyi_node *node, uint32_t c, __m256 *enter) {
+HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child8_avx512(const hyi_slabs8_avx512 *s, const hyi_node *node, uint32_t c, __m256 *enter) {
     const __m256 *inverse = s->words, *near_offset = inverse + 3, *far_offset = inverse + 6;
     __m256 first = s->words[9], last = s->words[10];
     for (int a = 0; a < 3; a++) {
@@ -114,12 +143,48 @@ HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child_avx512(const hyi_slabs_avx512 *s, 
     return _mm256_cmp_ps_mask(first, last, _CMP_LE_OQ);
 }
 
+HYI_INLINE HYI_AVX512 __mmask16 hyi_meet_child16_avx512(const hyi_slabs16_avx512 *s, const hyi_node *node, uint32_t c, __m512 *enter) {
+    const __m512 *inverse = s->words, *near_offset = inverse + 3, *far_offset = inverse + 6;
+    __m512 first = s->words[9], last = s->words[10];
+    for (int a = 0; a < 3; a++) {
+        __m512 lower = _mm512_set1_ps(node->planes[2 * a][c]), upper = _mm512_set1_ps(node->planes[2 * a + 1][c]);
+        __m512 near_plane = _mm512_mask_blend_ps(s->falls[a], lower, upper), far_plane = _mm512_mask_blend_ps(s->falls[a], upper, lower);
+        first = _mm512_max_ps(first, _mm512_fmadd_ps(near_plane, inverse[a], near_offset[a]));
+        last = _mm512_min_ps(last, _mm512_fmadd_ps(far_plane, inverse[a], far_offset[a]));
+    }
+    *enter = first;
+    return _mm512_cmp_ps_mask(first, last, _CMP_LE_OQ);
+}
+
 /* The least of each. */
 HYI_INLINE HYI_AVX512 __m256 hyi_least_of_each_avx512(const __m256 v[8]) {
     __m256 a[4], b[2];
     for (int i = 0; i < 4; i++) a[i] = _mm256_min_ps(_mm256_unpacklo_ps(v[2 * i], v[2 * i + 1]), _mm256_unpackhi_ps(v[2 * i], v[2 * i + 1]));
     for (int i = 0; i < 2; i++) b[i] = _mm256_min_ps(_mm256_shuffle_ps(a[2 * i], a[2 * i + 1], 0x44), _mm256_shuffle_ps(a[2 * i], a[2 * i + 1], 0xee));
     return _mm256_min_ps(_mm256_permute2f128_ps(b[0], b[1], 0x20), _mm256_permute2f128_ps(b[0], b[1], 0x31));
+}
+
+/* Deals out a list of flights as far as it makes blocks of sixteen, and returns how far; least: of each child, where rays enter it. */
+HYI_INLINE HYI_AVX512 uint32_t hyi_deal_sixteens_avx512(const hyi_flight *flights, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                                        uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH]) {
+    __m512 enters[HYI_WIDTH];
+    uint32_t first = 0;
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) enters[c] = _mm512_set1_ps(FLT_MAX);
+    for (; first + 16u <= count; first += 16u) {
+        hyi_slabs16_avx512 slabs;
+        __m512i items = _mm512_loadu_si512(list + first);
+        hyi_load_slabs16_avx512(flights, list + first, &slabs);
+        HYI_UNROLL_8
+        for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+            __m512 enter;
+            __mmask16 takes = hyi_meet_child16_avx512(&slabs, node, c, &enter);
+            enters[c] = _mm512_mask_min_ps(enters[c], takes, enters[c], enter);
+            _mm512_storeu_si512(lists + (size_t)c * stride + dealt[c], _mm512_maskz_compress_epi32(takes, items));
+            dealt[c] += (uint32_t)_mm_popcnt_u32(hyi_bits16_avx512(takes));
+        }
+    }
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) least[c] = _mm256_min_ps(_mm512_castps512_ps256(enters[c]), _mm512_extractf32x8_ps(enters[c], 1));
+    return first;
 }
 
 /* Deals out a list of flights as far as it makes blocks of eight, and returns how far; nearest: as hyi_deal_rays has it. */
@@ -129,14 +194,15 @@ HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_flight *flights,
     uint32_t first = 0;
     if (count < 8u) return 0;
     for (uint32_t c = 0; c < HYI_WIDTH; c++) least[c] = *nearest;
+    if (count >= HYI_SIXTEENS_LEAST) first = hyi_deal_sixteens_avx512(flights, node, list, count, lists, stride, dealt, least);
     for (; first + 8u <= count; first += 8u) {
-        hyi_slabs_avx512 slabs;
+        hyi_slabs8_avx512 slabs;
         __m256i items = _mm256_loadu_si256((const __m256i *)(const void *)(list + first));
-        hyi_load_slabs_avx512(flights, list + first, &slabs);
+        hyi_load_slabs8_avx512(flights, list + first, &slabs);
         HYI_UNROLL_8
         for (uint32_t c = 0; c < HYI_WIDTH; c++) {
             __m256 enter;
-            __mmask8 takes = hyi_meet_child_avx512(&slabs, node, c, &enter);
+            __mmask8 takes = hyi_meet_child8_avx512(&slabs, node, c, &enter);
             least[c] = _mm256_mask_min_ps(least[c], takes, least[c], enter);
             hyi_append_avx512(lists + (size_t)c * stride + dealt[c], items, takes);
             dealt[c] += (uint32_t)_mm_popcnt_u32(hyi_bits8_avx512(takes));
@@ -166,23 +232,6 @@ HYI_INLINE HYI_AVX512 void hyi_ray_words_avx512(const hyk_ray *rays, float words
         _mm512_storeu_ps(words[k], _mm512_castpd_ps(_mm512_shuffle_f64x2(halves[0][k], halves[1][k], 0x88)));
         _mm512_storeu_ps(words[4u + k], _mm512_castpd_ps(_mm512_shuffle_f64x2(halves[0][k], halves[1][k], 0xdd)));
     }
-}
-
-/* Four successive words of each of sixteen rays, as rows of one word of all: four by four in each quarter. */
-HYI_INLINE HYI_AVX512 void hyi_four_words_avx512(const char *const at[16], size_t offset, __m512 rows[4]) {
-    __m512 a[4];
-    for (uint32_t k = 0; k < 4u; k++) {
-        a[k] = _mm512_castps128_ps512(_mm_loadu_ps((const float *)(const void *)(at[k] + offset)));
-        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[4u + k] + offset)), 1);
-        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[8u + k] + offset)), 2);
-        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[12u + k] + offset)), 3);
-    }
-    __m512 low01 = _mm512_unpacklo_ps(a[0], a[1]), high01 = _mm512_unpackhi_ps(a[0], a[1]);
-    __m512 low23 = _mm512_unpacklo_ps(a[2], a[3]), high23 = _mm512_unpackhi_ps(a[2], a[3]);
-    rows[0] = _mm512_shuffle_ps(low01, low23, 0x44);
-    rows[1] = _mm512_shuffle_ps(low01, low23, 0xee);
-    rows[2] = _mm512_shuffle_ps(high01, high23, 0x44);
-    rows[3] = _mm512_shuffle_ps(high01, high23, 0xee);
 }
 
 /* hyi_lines: a transposition in four steps. */

@@ -37,6 +37,7 @@
 /* So many rays of a list meet a leaf of so many triangles sooner abreast, one triangle after the other, than one by one. */
 #define HYI_ABREAST_LEAST(triangles) ((triangles) + 3u)
 
+#define HYI_SIXTEENS_LEAST 48u   /* so many flights of a list meet a node in sixteens, where vectors have as many lanes */
 #define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
 #define HYI_LARGE_TREE ((size_t)96 << 20)
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
