@@ -163,23 +163,30 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, 
     return true;
 }
 
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_alone)(const hyi_swarm *swarm, hyi_flight *flight, uint32_t leaf) {
+    if (!swarm->site.asks_alpha && !flight->aim.exact) return HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any);
+    bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
+    if (found && swarm->any) hyi_flight_stop(flight);
+    return found;
+}
+
+/* Flights by their numbers, each at a leaf of its own. Returns how many had a hit. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &swarm->flights[list[i]];
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
-        if (swarm->site.asks_alpha || flight->aim.exact) {
-            bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
-            if (found && swarm->any) hyi_flight_stop(flight);
-            hits += found ? 1u : 0u;
-        } else {
-            hits += HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any) ? 1u : 0u;
-        }
+        hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }
     return hits;
 }
 
 /* ---- all */
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
+    for (uint32_t i = 0; i < count; i++) hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaf) ? 1u : 0u;
+    return hits;
+}
 
 /* Some flights, at most HYI_LANES. */
 HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
@@ -188,13 +195,19 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm,
     return swarm->any ? HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, true) : HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, false);
 }
 
-/* Returns how many rays of a list hit a triangle of a leaf. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
+/* Rays of a list meet a leaf abreast as long as there are enough; returns how many are left, the last of the list. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *hits) {
+    uint32_t enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
     for (; count >= enough || count >= HYI_LANES; list += HYI_LANES) {
         uint32_t some = count < HYI_LANES ? count : HYI_LANES;
-        hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
+        *hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
         count -= some;
     }
-    return hits + HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+    return count;
+}
+
+/* All of a list, where the leaf is all of the tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_whole)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0, left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &hits);
+    (void)HYI_I(hyi_offer_leaf_each)(swarm, leaf, list + (count - left), left);
 }

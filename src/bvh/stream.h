@@ -37,6 +37,10 @@
 /* So many rays of a list meet a leaf of so many triangles sooner abreast, one triangle after the other, than one by one. */
 #define HYI_ABREAST_LEAST(triangles) ((triangles) + 3u)
 
+#define HYI_FEW_LEAST 8u         /* flights that come to a leaf with few others wait until they are so many */
+#define HYI_FEW_OF_LIST 12u      /* more than go one by one of any list at a leaf */
+#define HYI_FEW_MOST (HYI_FEW_LEAST + HYI_WIDTH * HYI_FEW_OF_LIST)
+HYI_STATIC_ASSERT(HYI_ABREAST_LEAST(HYI_LEAF_MAX) <= HYI_FEW_OF_LIST);
 #define HYI_SIXTEENS_LEAST 48u   /* so many flights of a list meet a node in sixteens, where vectors have as many lanes */
 #define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
 #define HYI_LARGE_TREE ((size_t)96 << 20)
@@ -112,10 +116,11 @@ typedef struct hyi_frame {
     uint32_t next, children, dealt[HYI_WIDTH], order[HYI_WIDTH];
 } hyi_frame;
 
-/* A list of flights on its way down a tree. */
+/* A list of flights on its way down a tree. Those that have come to a leaf with few others wait, each with its leaf, until there
+   are enough for one loop, and what they read has come from memory. */
 typedef struct hyi_journey {
     hyi_swarm swarm;
-    uint32_t depth;
+    uint32_t depth, few, few_rays[HYI_FEW_MOST], few_leaves[HYI_FEW_MOST];
     hyi_frame frames[HYI_TREE_DEPTH];
 } hyi_journey;
 

@@ -208,6 +208,30 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, c
     return false;
 }
 
+/* Those that wait meet their leaves. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_end_waiting)(hyi_journey *journey) {
+    uint32_t few = journey->few;
+    journey->few = 0;
+    return HYI_I(hyi_offer_leaves_each)(&journey->swarm, journey->few_leaves, journey->few_rays, few);
+}
+
+/* Offers the leaves that come next among a frame's children to their lists. What is left of these waits: copied without a branch on
+   how many they are, which would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
+    const hyi_swarm *swarm = &journey->swarm;
+    bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
+    for (; frame->next < frame->children; frame->next++) {
+        uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
+        if (!hyi_child_is_leaf(leaf)) break;
+        if (cull) count = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, count);
+        uint32_t left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &frame->hits);
+        memcpy(journey->few_rays + journey->few, list + (count - left), HYI_FEW_OF_LIST * sizeof *list);
+        for (uint32_t i = 0; i < HYI_FEW_OF_LIST; i++) journey->few_leaves[journey->few + i] = leaf;
+        journey->few += left;
+    }
+    if (journey->few >= HYI_FEW_LEAST) frame->hits += HYI_I(hyi_end_waiting)(journey);
+}
+
 /* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
     const hyi_swarm *swarm = &journey->swarm;
@@ -217,14 +241,13 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
             if (--journey->depth) frame[-1].hits += frame->hits;
             continue;
         }
-        uint32_t c = frame->order[frame->next++], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-        if (!swarm->site.bvh->rows || !hyi_child_is_leaf(at)) {
-            if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+            HYI_I(hyi_list_leaves)(journey, frame);
             continue;
         }
-        uint32_t some = frame->dealt[c];
-        if (HYI_CULL_SHARE * frame->hits >= frame->count) some = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, some);
-        frame->hits += HYI_I(hyi_list_leaf_rays)(swarm, at, list, some);
+        frame->next++;
+        if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
     }
     return false;
 }
@@ -246,18 +269,19 @@ HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t 
         uint32_t first = k * share, some = count - first < share ? count - first : share;
         journeys[k].swarm = *swarm;
         journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = 0;
+        journeys[k].depth = journeys[k].few = 0;
         going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
     }
     while (going)
         for (uint32_t k = 0; k < parts; k++)
             if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
+    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_end_waiting)(&journeys[k]);
 }
 
 /* The same, of any tree. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_send)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
     uint32_t root = swarm->site.bvh->root;
-    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) (void)HYI_I(hyi_list_leaf_rays)(swarm, root, list, count);
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) HYI_I(hyi_list_leaf_whole)(swarm, root, list, count);
     else HYI_I(hyi_travel)(swarm, list, count, space);
 }
 
