@@ -220,6 +220,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_PINW(a) hyi_pin8_avx2(a)
 #define HYI_GREATESTW(a) hyi_greatest_avx2(a)
 #define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
+#define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) HYI_I(hyi_wait_at_each)(waiters, node, ray, mask, enter)
 
 #define HYI_STOREW(p, a) _mm256_storeu_ps(p, a)
 #define HYI_ADDW(a, b) _mm256_add_ps(a, b)

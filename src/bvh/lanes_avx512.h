@@ -212,6 +212,19 @@ HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_flight *flights,
     return first;
 }
 
+/* hyi_wait_at_children, without a branch. */
+HYI_INLINE HYI_AVX512 void hyi_wait_at_children_avx512(hyi_waiters *w, const hyi_node *node, uint32_t ray, __mmask8 mask, __m256 enter) {
+    __m256i child = _mm256_load_si256((const __m256i *)(const void *)node->child), rays = _mm256_set1_epi32((int)ray);
+    __mmask8 leaves = (__mmask8)(mask & _mm256_movepi32_mask(child)), nodes = (__mmask8)(mask ^ leaves);
+    hyi_append_avx512(w->leaves + w->at_leaves, child, leaves);
+    _mm256_storeu_ps(w->enter + w->at_leaves, _mm256_maskz_compress_ps(leaves, enter));
+    _mm256_storeu_si256((__m256i *)(void *)(w->leaf_rays + w->at_leaves), rays);
+    hyi_append_avx512(w->nodes + w->at_nodes, child, nodes);
+    _mm256_storeu_si256((__m256i *)(void *)(w->node_rays + w->at_nodes), rays);
+    w->at_leaves += (uint32_t)_mm_popcnt_u32(hyi_bits8_avx512(leaves));
+    w->at_nodes += (uint32_t)_mm_popcnt_u32(hyi_bits8_avx512(nodes));
+}
+
 /* hyi_ray_words: two rays to a register, in such pairs that the last of three steps brings them into their order. */
 HYI_INLINE HYI_AVX512 void hyi_ray_words_avx512(const hyk_ray *rays, float words[8][HYI_PACKET_WIDTH]) {
     __m512d halves[2][4];
@@ -353,6 +366,7 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_GREATESTW(a) _mm512_reduce_max_ps(a)
 #define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) \
     hyi_deal_blocks_avx512(flights, node, list, count, lists, stride, dealt, nearest)
+#define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) hyi_wait_at_children_avx512(waiters, node, ray, mask, enter)
 
 #define HYI_STOREW(p, a) _mm512_storeu_ps(p, a)
 #define HYI_ADDW(a, b) _mm512_add_ps(a, b)

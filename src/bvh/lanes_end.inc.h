@@ -121,5 +121,6 @@
 #undef HYI_SUBW
 #undef HYI_TARGET
 #undef HYI_TURN4
+#undef HYI_WAIT_AT_CHILDREN
 #undef HYI_ZERO8
 #undef HYI_ZEROW

@@ -175,6 +175,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, 
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        hyi_prefetch_child(swarm->site.bvh, leaves[i + 3u < count ? i + 3u : i]);
         hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }
     return hits;

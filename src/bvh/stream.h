@@ -37,10 +37,18 @@
 /* So many rays of a list meet a leaf of so many triangles sooner abreast, one triangle after the other, than one by one. */
 #define HYI_ABREAST_LEAST(triangles) ((triangles) + 3u)
 
-#define HYI_FEW_LEAST 8u         /* flights that come to a leaf with few others wait until they are so many */
-#define HYI_FEW_OF_LIST 12u      /* more than go one by one of any list at a leaf */
-#define HYI_FEW_MOST (HYI_FEW_LEAST + HYI_WIDTH * HYI_FEW_OF_LIST)
-HYI_STATIC_ASSERT(HYI_ABREAST_LEAST(HYI_LEAF_MAX) <= HYI_FEW_OF_LIST);
+/* Flights that few others go with wait, each with the leaf or the node that it has come to, until there are so many for one loop. */
+#define HYI_LEAVES_LEAST 8u
+#define HYI_LEAVES_ENOUGH 32u    /* leaves that nodes of such flights have found */
+#define HYI_LEAVES_OF_LIST 12u   /* more than go one by one of any list at a leaf */
+#define HYI_LEAVES_MOST (HYI_LEAVES_LEAST + HYI_WIDTH * HYI_LEAVES_OF_LIST)
+#define HYI_NODES_LEAST 32u
+#define HYI_NODES_ENOUGH 128u    /* the last goes first where more wait */
+#define HYI_NODES_OF_LIST 4u     /* lists that are no longer fall apart at a node */
+#define HYI_NODES_MOST (HYI_NODES_ENOUGH + HYI_WIDTH * (HYI_TREE_DEPTH + 2u)) /* seven wait on each level, and eight are stored at a time */
+HYI_STATIC_ASSERT(HYI_ABREAST_LEAST(HYI_LEAF_MAX) <= HYI_LEAVES_OF_LIST && HYI_NODES_LEAST + HYI_NODES_OF_LIST <= HYI_NODES_ENOUGH);
+HYI_STATIC_ASSERT(HYI_LEAVES_ENOUGH + 2u * HYI_WIDTH <= HYI_LEAVES_MOST);
+
 #define HYI_SIXTEENS_LEAST 48u   /* so many flights of a list meet a node in sixteens, where vectors have as many lanes */
 #define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
 #define HYI_LARGE_TREE ((size_t)96 << 20)
@@ -114,15 +122,35 @@ typedef struct hyi_frame {
     const hyi_node *node;
     uint32_t *lists, stride, count, hits; /* count: of all; hits: how often these met something nearer than before */
     uint32_t next, children, dealt[HYI_WIDTH], order[HYI_WIDTH];
+    float nearest[HYI_WIDTH]; /* where each child is entered first */
 } hyi_frame;
 
-/* A list of flights on its way down a tree. Those that have come to a leaf with few others wait, each with its leaf, until there
-   are enough for one loop, and what they read has come from memory. */
+/* Flights that wait, by their numbers, and what they have come to. */
+typedef struct hyi_waiters {
+    uint32_t at_leaves, leaf_rays[HYI_LEAVES_MOST], leaves[HYI_LEAVES_MOST];
+    float enter[HYI_LEAVES_MOST]; /* no flight of its list entered the leaf's box before */
+    uint32_t at_nodes, node_rays[HYI_NODES_MOST], nodes[HYI_NODES_MOST];
+} hyi_waiters;
+
+/* A list of flights on its way down a tree. */
 typedef struct hyi_journey {
     hyi_swarm swarm;
-    uint32_t depth, few, few_rays[HYI_FEW_MOST], few_leaves[HYI_FEW_MOST];
+    uint32_t depth;
     hyi_frame frames[HYI_TREE_DEPTH];
+    hyi_waiters waiters;
 } hyi_journey;
+
+/* A flight waits at each of the children with bits in mask. */
+HYI_INLINE void hyi_wait_at_children(hyi_waiters *w, const hyi_node *node, uint32_t ray, uint32_t mask, const float enter[HYI_WIDTH]) {
+    for (; mask; mask &= mask - 1u) {
+        uint32_t c = hyi_lowest_bit(mask), child = node->child[c], leaf = child >> 31;
+        w->leaf_rays[w->at_leaves] = w->node_rays[w->at_nodes] = ray;
+        w->leaves[w->at_leaves] = w->nodes[w->at_nodes] = child;
+        w->enter[w->at_leaves] = enter[c];
+        w->at_leaves += leaf;
+        w->at_nodes += leaf ^ 1u;
+    }
+}
 
 /* What the first of a slice of rays have become: those that meet nothing are neither. */
 typedef struct hyi_begun {

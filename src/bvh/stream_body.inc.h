@@ -187,6 +187,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
     uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
     if (bvh->rows) HYI_I(hyi_prefetch_children)(bvh, node, mask);
     uint32_t leaves = swarm->any ? HYI_I(hyi_leaves_of)(node) & mask : 0u;
+    memcpy(frame->nearest, nearest, sizeof nearest);
     for (uint32_t c = 0; leaves && c < HYI_WIDTH; c++) nearest[c] = leaves >> c & 1u ? -FLT_MAX : nearest[c];
     HYI_I(hyi_order_children)(nearest, frame->order);
     frame->children = hyi_count_bits(mask);
@@ -208,28 +209,85 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, c
     return false;
 }
 
-/* Those that wait meet their leaves. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_end_waiting)(hyi_journey *journey) {
-    uint32_t few = journey->few;
-    journey->few = 0;
-    return HYI_I(hyi_offer_leaves_each)(&journey->swarm, journey->few_leaves, journey->few_rays, few);
+/* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_leaves)(const hyi_swarm *swarm, hyi_waiters *w) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < w->at_leaves; i++) {
+        uint32_t ray = w->leaf_rays[i], leaf = w->leaves[i];
+        w->leaf_rays[kept] = ray;
+        w->leaves[kept] = leaf;
+        kept += w->enter[i] <= swarm->flights[ray].aim.t_far ? 1u : 0u;
+    }
+    w->at_leaves = 0;
+    return HYI_I(hyi_offer_leaves_each)(swarm, w->leaves, w->leaf_rays, kept);
 }
 
-/* Offers the leaves that come next among a frame's children to their lists. What is left of these waits: copied without a branch on
-   how many they are, which would be taken by chance. */
+/* Words without compression: HYI_WAIT_AT_CHILDREN. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_wait_at_each)(hyi_waiters *w, const hyi_node *node, uint32_t ray, HYI_M8 mask, HYI_F8 enter) {
+    float t[HYI_WIDTH];
+    HYI_STORE8(t, enter);
+    hyi_wait_at_children(w, node, ray, HYI_BITS8(mask), t);
+}
+
+/* Flights meet the nodes that they wait at, and all that comes after: the first of those that wait goes first, so that its node has time
+   to come from memory, and nothing is guessed. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hyi_waiters *w) {
+    const hyi_bvh *bvh = swarm->site.bvh;
+    uint32_t next = 0, hits = 0;
+    while (next < w->at_nodes) {
+        uint32_t i = w->at_nodes <= HYI_NODES_ENOUGH ? next++ : --w->at_nodes, ahead = next + 3u < w->at_nodes ? next + 3u : i;
+        const hyi_node *node = &bvh->nodes[w->nodes[i]];
+        const hyi_aim *aim = &swarm->flights[w->node_rays[i]].aim;
+        HYI_I(hyi_planes) planes;
+        HYI_F8 enter;
+        hyi_prefetch_child(bvh, w->nodes[ahead]);
+        hyi_prefetch(&swarm->flights[w->node_rays[ahead]]);
+        HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
+        HYI_M8 mask = HYI_I(hyi_meet_boxes)(aim, planes.near_planes, planes.far_planes, &enter, false);
+        HYI_WAIT_AT_CHILDREN(w, node, w->node_rays[i], mask, enter);
+        if (w->at_leaves >= HYI_LEAVES_ENOUGH) hits += HYI_I(hyi_run_leaves)(swarm, w);
+    }
+    w->at_nodes = 0;
+    return hits;
+}
+
+/* Flights that wait go on where there are enough of them. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_waiters)(hyi_journey *journey, uint32_t nodes, uint32_t leaves) {
+    uint32_t hits = 0;
+    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(&journey->swarm, &journey->waiters);
+    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(&journey->swarm, &journey->waiters);
+    return hits;
+}
+
+/* Sends short lists on, flight by flight. Copied without a branch on how many they are, which would be taken by chance. */
+HYI_INLINE void HYI_I(hyi_wait_at_node)(hyi_waiters *w, uint32_t at, const uint32_t *list, uint32_t count) {
+    memcpy(w->node_rays + w->at_nodes, list, HYI_NODES_OF_LIST * sizeof *list);
+    for (uint32_t i = 0; i < HYI_NODES_OF_LIST; i++) w->nodes[w->at_nodes + i] = at;
+    w->at_nodes += count;
+}
+
+/* The same at a leaf: as many as are too few to meet it abreast. */
+HYI_INLINE void HYI_I(hyi_wait_at_leaf)(hyi_waiters *w, uint32_t leaf, float enter, const uint32_t *list, uint32_t count) {
+    memcpy(w->leaf_rays + w->at_leaves, list, HYI_LEAVES_OF_LIST * sizeof *list);
+    for (uint32_t i = 0; i < HYI_LEAVES_OF_LIST; i++) {
+        w->leaves[w->at_leaves + i] = leaf;
+        w->enter[w->at_leaves + i] = enter;
+    }
+    w->at_leaves += count;
+}
+
+/* Offers the leaves that come next among a frame's children to their lists. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
     const hyi_swarm *swarm = &journey->swarm;
     bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
     for (; frame->next < frame->children; frame->next++) {
         uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
         if (!hyi_child_is_leaf(leaf)) break;
-        if (cull) count = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, count);
+        if (cull && count >= HYI_ABREAST_LEAST(hyi_leaf_count(leaf))) count = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, count);
         uint32_t left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &frame->hits);
-        memcpy(journey->few_rays + journey->few, list + (count - left), HYI_FEW_OF_LIST * sizeof *list);
-        for (uint32_t i = 0; i < HYI_FEW_OF_LIST; i++) journey->few_leaves[journey->few + i] = leaf;
-        journey->few += left;
+        HYI_I(hyi_wait_at_leaf)(&journey->waiters, leaf, frame->nearest[c], list + (count - left), left);
     }
-    if (journey->few >= HYI_FEW_LEAST) frame->hits += HYI_I(hyi_end_waiting)(journey);
+    frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
 /* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
@@ -247,6 +305,11 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
             continue;
         }
         frame->next++;
+        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+            continue;
+        }
         if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
     }
     return false;
@@ -269,13 +332,13 @@ HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t 
         uint32_t first = k * share, some = count - first < share ? count - first : share;
         journeys[k].swarm = *swarm;
         journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = journeys[k].few = 0;
+        journeys[k].depth = journeys[k].waiters.at_leaves = journeys[k].waiters.at_nodes = 0;
         going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
     }
     while (going)
         for (uint32_t k = 0; k < parts; k++)
             if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
-    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_end_waiting)(&journeys[k]);
+    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_run_waiters)(&journeys[k], 0, 0);
 }
 
 /* The same, of any tree. */
