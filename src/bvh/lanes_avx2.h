@@ -96,6 +96,11 @@ static const uint8_t hyi_front[256][8] = {
     {2,3,4,5,6,7,0,0}, {0,2,3,4,5,6,7,0}, {1,2,3,4,5,6,7,0}, {0,1,2,3,4,5,6,7},
 };
 
+/* Where those of eight items go whose bits are set, to stand first. */
+HYI_INLINE HYI_AVX2 __m256i hyi_front_places_avx2(uint32_t takes) {
+    return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)hyi_front[takes]));
+}
+
 /* Appends eight items to the lists of the children that their masks name. The items whose bit is set are moved to the
    front by a permutation from a table. */
 HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
@@ -104,10 +109,23 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
     for (int c = 7; c >= 0; c--) { /* the highest bit of each byte is the child's */
         uint32_t takes = (uint32_t)_mm_movemask_epi8(bits) & 0xffu;
         bits = _mm_add_epi8(bits, bits);
-        __m256i places = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)hyi_front[takes]));
-        _mm256_storeu_si256((__m256i *)(void *)(lists + (size_t)(uint32_t)c * stride + dealt[c]), _mm256_permutevar8x32_epi32(all, places));
+        _mm256_storeu_si256((__m256i *)(void *)(lists + (size_t)(uint32_t)c * stride + dealt[c]), _mm256_permutevar8x32_epi32(all, hyi_front_places_avx2(takes)));
         dealt[c] += (uint32_t)_mm_popcnt_u32(takes);
     }
+}
+
+/* hyi_wait_at_children, without a branch. */
+HYI_INLINE HYI_AVX2 void hyi_wait_at_children_avx2(hyi_waiters *w, const hyi_node *node, uint32_t ray, uint32_t mask, __m256 enter) {
+    __m256i child = _mm256_load_si256((const __m256i *)(const void *)node->child), rays = _mm256_set1_epi32((int)ray);
+    uint32_t leaves = mask & (uint32_t)_mm256_movemask_ps(_mm256_castsi256_ps(child)), nodes = mask ^ leaves;
+    __m256i to_leaves = hyi_front_places_avx2(leaves), to_nodes = hyi_front_places_avx2(nodes);
+    _mm256_storeu_si256((__m256i *)(void *)(w->leaves + w->at_leaves), _mm256_permutevar8x32_epi32(child, to_leaves));
+    _mm256_storeu_ps(w->enter + w->at_leaves, _mm256_permutevar8x32_ps(enter, to_leaves));
+    _mm256_storeu_si256((__m256i *)(void *)(w->leaf_rays + w->at_leaves), rays);
+    _mm256_storeu_si256((__m256i *)(void *)(w->nodes + w->at_nodes), _mm256_permutevar8x32_epi32(child, to_nodes));
+    _mm256_storeu_si256((__m256i *)(void *)(w->node_rays + w->at_nodes), rays);
+    w->at_leaves += (uint32_t)_mm_popcnt_u32(leaves);
+    w->at_nodes += (uint32_t)_mm_popcnt_u32(nodes);
 }
 
 /* hyi_ray_words: two times, two rays to a register, and two transpositions of four by four in two steps. */
@@ -220,7 +238,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_PINW(a) hyi_pin8_avx2(a)
 #define HYI_GREATESTW(a) hyi_greatest_avx2(a)
 #define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
-#define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) HYI_I(hyi_wait_at_each)(waiters, node, ray, mask, enter)
+#define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) hyi_wait_at_children_avx2(waiters, node, ray, HYI_BITS8(mask), enter)
 
 #define HYI_STOREW(p, a) _mm256_storeu_ps(p, a)
 #define HYI_ADDW(a, b) _mm256_add_ps(a, b)
