@@ -98,12 +98,39 @@ HYI_INLINE float hyi_waiting_t(hyi_waiting waiting) {
     return t;
 }
 
+/* No less than all that waits and is entered up to t. Where that is negative, nothing is left out: boxes are, by themselves. */
+HYI_INLINE hyi_waiting hyi_waiting_limit(float t) { return hyi_has_sign(t) ? INT64_MAX : hyi_waiting_of(0xffffffffu, t); }
+
+/* Where children lie, nodes first, then leaves, and how far apart: found without a branch, which would be guessed wrong. */
+typedef struct hyi_ahead {
+    const char *base[2];
+    size_t stride[2];
+} hyi_ahead;
+
+HYI_INLINE hyi_ahead hyi_ahead_of(const hyi_bvh *bvh) {
+    hyi_ahead ahead;
+    ahead.base[0] = (const char *)bvh->nodes;
+    ahead.base[1] = (const char *)bvh->rows;
+    ahead.stride[0] = sizeof *bvh->nodes;
+    ahead.stride[1] = 9u * sizeof *bvh->rows;
+    return ahead;
+}
+
+/* Asks for a child from one line on: all of a node, and of a leaf as much. */
+HYI_INLINE void hyi_ask_for(const hyi_ahead *ahead, uint32_t child, uint32_t line) {
+    uint32_t leaf = child >> 31;
+    const char *at = ahead->base[leaf] + (child & HYI_CHILD_SLOT) * ahead->stride[leaf];
+    for (; line < 4u; line++) hyi_prefetch(at + 64u * line);
+}
+
 /* Of child first and those in mask (not empty), returns the nearest and puts the others on the stack, the
-   nearer the higher. */
-HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t first, uint32_t mask) {
+   nearer the higher. ahead: NULL or where memory is asked for all. */
+HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t first, uint32_t mask, const hyi_ahead *ahead) {
     hyi_waiting *base = *stack, *top = base, nearest = hyi_waiting_of(child[first], t[first]);
+    if (ahead) hyi_ask_for(ahead, child[first], 0);
     for (; mask; mask &= mask - 1u) {
         uint32_t c = hyi_lowest_bit(mask);
+        if (ahead) hyi_ask_for(ahead, child[c], 0);
         hyi_waiting other = hyi_waiting_of(child[c], t[c]), farther = other > nearest ? other : nearest;
         nearest = other > nearest ? nearest : other;
         hyi_waiting *place = top++;

@@ -170,19 +170,23 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 }
 
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
-   most of those are hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+   most of those are hit. false: there were none, and nothing has changed. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    if (!verdicts.possible) return false;
+    hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    return true;
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
-   children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
+   children that are met, but not where any hit will do: such a ray ends before it comes to most of them. Of an only child, which is
+   read at once, all lines but the last are then on their way anyhow. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
-    hyi_waiting stack[HYI_STACK], *top = stack;
+    hyi_ahead ahead = hyi_ahead_of(site->bvh);
+    hyi_waiting stack[HYI_STACK], *top = stack, limit = hyi_waiting_limit(flight->aim.t_far);
     for (;;) {
         while (!hyi_child_is_leaf(at)) {
             const hyi_node *node = &nodes[at];
@@ -193,21 +197,18 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
-            hyi_waiting *waiting = top;
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
-            if (any) continue;
-            hyi_prefetch_child(site->bvh, at);
-            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            else if (!any) hyi_ask_for(&ahead, at, 3);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
-        } else if (at != HYI_CHILD_NONE) {
-            HYI_I(hyi_decide_leaf)(site, flight, at);
+        } else if (at != HYI_CHILD_NONE && HYI_I(hyi_decide_leaf)(site, flight, at)) {
+            limit = hyi_waiting_limit(flight->aim.t_far);
         }
         do {
             if (top == stack) return;
             top--;
-        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        } while (*top > limit);
         at = (uint32_t)*top;
     }
 }
@@ -231,7 +232,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
