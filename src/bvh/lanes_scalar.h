@@ -89,7 +89,7 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 #define HYI_OR8(a, b) ((a) | (b))
 #define HYI_BITS8(m) (m)
 #define HYI_PIN8(a) hyi_pin8_scalar(a)
-#define HYI_FLIGHT_BEGIN(flight, bvh, ray) hyi_begin_any(flight, bvh, ray)
+#define HYI_FLIGHT_BEGIN(flight, accel, bvh, ray) hyi_begin_any(flight, bvh, ray)
 #include "walk_body.inc.h"
 #include "lanes_end.inc.h"
 

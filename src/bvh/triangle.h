@@ -78,6 +78,14 @@ typedef struct hyi_turn {
     uint8_t bytes[16];
 } hyi_turn;
 
+/* Where most rays begin, in a tree's units, and what bounds the errors of all that do: see hyi_aim_slabs. All zero: nowhere. */
+typedef struct hyi_vicinity {
+    float middle[4];    /* the last: of t_min, 0 */
+    uint32_t radius[4]; /* bits of floats, as distances from middle are compared; the last: t_min is finite */
+    float bound[4];     /* hyi_slab_bound */
+    float noise;        /* hyi_aim.noise */
+} hyi_vicinity;
+
 /* What a triangle must beat, and the answer. */
 typedef struct hyi_best {
     float t, u, v;
@@ -137,6 +145,29 @@ HYI_INLINE float hyi_reach(const hyi_box *box, float origin, int axis, bool loos
    whose slabs end beyond the reach of the others: they are never NaN, and an origin on a plane lies inside by the bound. */
 HYI_INLINE float hyi_slab_bound(float reach, float along, float origin) {
     return HYI_SLAB_BOUND * (reach + along) + 2.0f * HYI_ULP * fabsf(origin);
+}
+
+/* A quarter of the tree's largest side beyond its box, along each axis. */
+HYI_FN hyi_vicinity hyi_vicinity_of(const hyi_bvh *bvh) {
+    const float slack = 1.0f + 16.0f * HYI_ULP; /* for what is rounded here, and in distances from middle */
+    hyi_vicinity vicinity;
+    float half[3], reach[3], radius[3], largest = 0.0f, farthest = 0.0f;
+    memset(&vicinity, 0, sizeof vicinity);
+    for (int a = 0; a < 3; a++) {
+        vicinity.middle[a] = 0.5f * (bvh->scaled.lower[a] + bvh->scaled.upper[a]);
+        half[a] = 0.5f * (bvh->scaled.upper[a] - bvh->scaled.lower[a]) + HYI_ULP * fabsf(vicinity.middle[a]);
+        largest = half[a] > largest ? half[a] : largest;
+    }
+    for (int a = 0; a < 3; a++) {
+        radius[a] = half[a] + 0.5f * largest;
+        reach[a] = (half[a] + radius[a]) * slack;
+        farthest = reach[a] > farthest ? reach[a] : farthest;
+        vicinity.noise += HYI_SHEAR_NOISE * slack * reach[a];
+    }
+    for (int a = 0; a < 3; a++) vicinity.bound[a] = slack * hyi_slab_bound(reach[a], farthest, fabsf(vicinity.middle[a]) + radius[a] * slack);
+    memcpy(vicinity.radius, radius, sizeof radius);
+    vicinity.radius[3] = 0x7f7fffffu;
+    return vicinity;
 }
 
 HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, const float *d, bool loose) {

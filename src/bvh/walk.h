@@ -24,6 +24,7 @@ typedef struct hyi_accel {
     const hyi_bvh *shapes;         /* over the RECT, DISC and SPHERE lights; NULL: none */
     const uint32_t *shape_lights;  /* light of each box in shapes */
     hydra_isa isa;                 /* never AUTO */
+    hyi_vicinity vicinity;         /* of the tree that rays begin in, where that holds triangles */
 } hyi_accel;
 
 /* A tree and whose it is. */

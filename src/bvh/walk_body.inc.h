@@ -277,7 +277,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
     if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
-        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        if (HYI_FLIGHT_BEGIN(&flight, accel, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
         else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
         hyi_tell(accel, &flight, site.normal, answers, i);
     }

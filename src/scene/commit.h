@@ -287,6 +287,7 @@ HYI_FN void hyi_commit_view(hydra_scene *scene) {
     accel->shapes = scene->shape_count ? &scene->shapes : NULL;
     accel->shape_lights = scene->shape_lights;
     accel->isa = scene->context->isa;
+    if (accel->single && !accel->empty) accel->vicinity = hyi_vicinity_of(hyi_first_site(accel).bvh);
 }
 
 HYI_FN void hyi_commit_info(hydra_scene *scene) {
