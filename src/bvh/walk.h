@@ -117,21 +117,21 @@ HYI_INLINE hyi_ahead hyi_ahead_of(const hyi_bvh *bvh) {
     return ahead;
 }
 
-/* Asks for a child from one line on: all of a node, and of a leaf as much. */
-HYI_INLINE void hyi_ask_for(const hyi_ahead *ahead, uint32_t child, uint32_t line) {
+/* Asks for a child: all of a node, and of a leaf as much. */
+HYI_INLINE void hyi_ask_for(const hyi_ahead *ahead, uint32_t child) {
     uint32_t leaf = child >> 31;
     const char *at = ahead->base[leaf] + (child & HYI_CHILD_SLOT) * ahead->stride[leaf];
-    for (; line < 4u; line++) hyi_prefetch(at + 64u * line);
+    for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
 }
 
 /* Of child first and those in mask (not empty), returns the nearest and puts the others on the stack, the
    nearer the higher. ahead: NULL or where memory is asked for all. */
 HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t first, uint32_t mask, const hyi_ahead *ahead) {
     hyi_waiting *base = *stack, *top = base, nearest = hyi_waiting_of(child[first], t[first]);
-    if (ahead) hyi_ask_for(ahead, child[first], 0);
+    if (ahead) hyi_ask_for(ahead, child[first]);
     for (; mask; mask &= mask - 1u) {
         uint32_t c = hyi_lowest_bit(mask);
-        if (ahead) hyi_ask_for(ahead, child[c], 0);
+        if (ahead) hyi_ask_for(ahead, child[c]);
         hyi_waiting other = hyi_waiting_of(child[c], t[c]), farther = other > nearest ? other : nearest;
         nearest = other > nearest ? nearest : other;
         hyi_waiting *place = top++;

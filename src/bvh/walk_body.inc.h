@@ -181,8 +181,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flig
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
-   children that are met, but not where any hit will do: such a ray ends before it comes to most of them. Of an only child, which is
-   read at once, all lines but the last are then on their way anyhow. */
+   children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
     hyi_ahead ahead = hyi_ahead_of(site->bvh);
@@ -198,7 +197,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             mask &= mask - 1u;
             at = node->child[first];
             if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
-            else if (!any) hyi_ask_for(&ahead, at, 3);
+            else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
