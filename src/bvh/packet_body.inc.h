@@ -486,26 +486,22 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* Packets of a list, each of a pair by itself, some of whose rays meet the box of a leaf, and bits of these. */
-typedef struct HYI_I(hyi_visitors) {
-    uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
-    uint32_t count;
-} HYI_I(hyi_visitors);
-
-/* node, c: where the leaf hangs; NULL: nowhere. Without a branch: it would be taken by chance. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c,
-                                              HYI_I(hyi_visitors) *visitors) {
-    uint32_t kept = 0;
+/* Packets of a list, each of a pair by itself, some of whose rays meet the box of a leaf, begin to wait. node, c: where the leaf hangs;
+   NULL: nowhere. Without a branch on whether they do: it would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    hyi_visitors *visitors = swarm->visitors;
+    uint32_t waiting = visitors->count;
     for (uint32_t i = 0; i < count; i++) {
         for (uint32_t p = list[i]; p != HYK_NONE; p = swarm->packets[p].mate) {
             uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[p], node, c) : HYI_ALLW;
-            visitors->packets[kept] = p;
-            visitors->rays[kept] = rays;
-            kept += rays ? 1u : 0u;
+            visitors->packets[waiting] = p;
+            visitors->rays[waiting] = rays;
+            visitors->leaves[waiting] = leaf;
+            waiting += rays ? 1u : 0u;
             swarm->stream->leaf_visits++;
         }
     }
-    visitors->count = kept;
+    visitors->count = waiting;
 }
 
 /* How far a packet, or pair, still looks after a hit. */
@@ -516,13 +512,12 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const
     lead->last_t = HYI_GREATESTW(t_far);
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
-                                                   const hyi_node *node, uint32_t c, bool any) {
-    HYI_I(hyi_visitors) visitors;
-    HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
-    for (uint32_t i = 0; i < visitors.count; i++) {
-        hyi_packet *packet = &swarm->packets[visitors.packets[i]];
-        uint32_t mask = visitors.rays[i];
+/* Packets that wait meet their leaves. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_admit)(const hyi_swarm *swarm, bool any) {
+    hyi_visitors *visitors = swarm->visitors;
+    for (uint32_t i = 0; i < visitors->count; i++) {
+        hyi_packet *packet = &swarm->packets[visitors->packets[i]];
+        uint32_t mask = visitors->rays[i], leaf = visitors->leaves[i];
         bool found = false;
         if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
             for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
@@ -531,17 +526,19 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint3
         }
         if (found) HYI_I(hyi_limit_packet)(swarm, packet);
     }
+    visitors->count = 0;
 }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_any)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, true);
-}
+HYI_FN HYI_TARGET void HYI_I(hyi_admit_any)(const hyi_swarm *swarm) { HYI_I(hyi_admit)(swarm, true); }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_closest)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, false);
+HYI_FN HYI_TARGET void HYI_I(hyi_admit_closest)(const hyi_swarm *swarm) { HYI_I(hyi_admit)(swarm, false); }
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_admit_all)(const hyi_swarm *swarm) {
+    if (swarm->any) HYI_I(hyi_admit_any)(swarm);
+    else HYI_I(hyi_admit_closest)(swarm);
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
-    else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
+    HYI_I(hyi_receive)(swarm, leaf, list, count, node, c);
+    if (swarm->visitors->count >= HYI_VISITORS_LEAST) HYI_I(hyi_admit_all)(swarm);
 }

@@ -25,6 +25,8 @@
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
 #define HYI_MANY_CHILDREN 4u     /* met by the bounds of a packet, make it worth looking at each of its rays */
+#define HYI_VISITORS_LEAST 8u    /* packets that come to leaves wait until they are so many */
+#define HYI_VISITORS_MOST (HYI_VISITORS_LEAST + HYI_STREAM_PACKETS)
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
 #define HYI_PACKET_PROBE 18u     /* where packets had scattered, so many are made of a slice's first rays, to see whether they still do */
 /* Whether rays that any hit ends had better not go in packets: one that comes to more than twenty leaves, where a ray comes to two or three,
@@ -105,6 +107,12 @@ typedef struct hyi_ray_stream {
     size_t list_count;
 } hyi_ray_stream;
 
+/* Packets that have come to leaves wait until there are enough for one loop, and what they read has come from memory. */
+typedef struct hyi_visitors {
+    uint32_t count, packets[HYI_VISITORS_MOST], leaves[HYI_VISITORS_MOST];
+    uint32_t rays[HYI_VISITORS_MOST]; /* bits of those that meet the box of the leaf */
+} hyi_visitors;
+
 /* Lists in one tree at one time. */
 typedef struct hyi_swarm {
     hyi_site site;
@@ -113,6 +121,7 @@ typedef struct hyi_swarm {
     const hyk_ray *rays; /* of packets; NULL: these are made of flights */
     hyi_flight *flights;
     hyi_packet *packets;
+    hyi_visitors *visitors; /* of packets; NULL: there are none */
     uint32_t near_plane[3], axis[3]; /* of all packets on a list */
     bool any;
 } hyi_swarm;

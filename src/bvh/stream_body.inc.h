@@ -350,6 +350,16 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_send)(const hyi_swarm *swarm, const uint32_
 
 /* ---- all rays of a slice */
 
+/* A list of packets of one group goes through the tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_send_packets)(hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_visitors visitors;
+    visitors.count = 0;
+    swarm->visitors = &visitors;
+    HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, list, count, space);
+    HYI_I(hyi_admit_all)(swarm);
+    swarm->visitors = NULL;
+}
+
 /* Sends count packets on their way, those of a group together. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, uint32_t *space) {
     uint32_t room = (count + 15u) & ~15u, first[HYI_RAY_GROUPS + 1], *order = space;
@@ -360,7 +370,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, 
         if (first[g + 1] == first[g]) continue;
         hyi_set_group(swarm, g);
         uint32_t some = hyi_pair_packets(swarm->packets, order + first[g], first[g + 1] - first[g]);
-        HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, order + first[g], some, space + room);
+        HYI_I(hyi_send_packets)(swarm, order + first[g], some, space + room);
     }
 }
 
@@ -375,7 +385,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
         if (made < swarm->stream->packet_share && first + some < count) continue;
         for (uint32_t i = 0; i < made; i++) space[i] = i;
         uint32_t going = hyi_pair_packets(swarm->packets, space, made);
-        if (going) HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, space, going, space + ((made + 15u) & ~15u));
+        if (going) HYI_I(hyi_send_packets)(swarm, space, going, space + ((made + 15u) & ~15u));
         for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
         made = 0;
     }
