@@ -558,6 +558,49 @@ static void lists_without_room(void **state) {
     tl_end(&s);
 }
 
+/* As many flights wait at the root as are let wait anywhere: of all that they come to, the last goes first. */
+static void waiting_in_numbers(void **state) {
+    (void)state;
+    static tl_scene s;
+    static hyi_waiters waiters;
+    ht_rng rng = ht_rng_make(6);
+    tl_begin(&s);
+    tl_add(&s, ht_soup(&rng, 3000, 1, 0.1f), HYDRA_ALPHA_OPAQUE);
+    ht_ok(s.host.context, hydra_scene_commit(s.scene));
+    tl_fill(&s, &rng, TL_RANDOM, HYI_NODES_ENOUGH);
+    assert_true(tl_find_truth(&s, HYI_NODES_ENOUGH) > HYI_NODES_ENOUGH / 4);
+    for (int isa = HYDRA_ISA_SSE42; isa <= HYDRA_ISA_NEON; isa++) {
+        hyi_accel accel = s.scene->accel;
+        hyi_ray_stream stream;
+        hyi_swarm swarm;
+        hyi_begun begun = {0, 0, 0, true};
+        hyi_answers answers = {tl_hits, NULL, NULL};
+        accel.isa = (hydra_isa)isa;
+        if (!hyi_isa_is_there(accel.isa)) continue;
+        ht_ok(s.host.context, hyi_ray_stream_alloc(s.host.context, &accel, HYI_NODES_ENOUGH, &stream));
+        hyi_site site = hyi_first_site(&accel);
+        HYI_DISPATCH_VECTOR(accel.isa, hyi_begin_rays, (&site, &stream, tl_rays, &answers, HYI_NODES_ENOUGH, 0, &begun))
+        assert_int_equal(begun.flights, HYI_NODES_ENOUGH);
+        memset(&swarm, 0, sizeof swarm);
+        swarm.site = site;
+        swarm.stream = &stream;
+        swarm.flights = stream.flights;
+        waiters.at_leaves = 0;
+        waiters.at_nodes = HYI_NODES_ENOUGH;
+        for (uint32_t i = 0; i < HYI_NODES_ENOUGH; i++) {
+            waiters.node_rays[i] = i;
+            waiters.nodes[i] = site.bvh->root;
+        }
+        HYI_DISPATCH_VECTOR(accel.isa, (void)hyi_run_nodes, (&swarm, &waiters))
+        HYI_DISPATCH_VECTOR(accel.isa, (void)hyi_run_leaves, (&swarm, &waiters))
+        HYI_DISPATCH_VECTOR(accel.isa, hyi_settle_all, (&site, stream.flights, HYI_NODES_ENOUGH))
+        for (uint32_t i = 0; i < HYI_NODES_ENOUGH; i++) hyi_tell(&accel, &stream.flights[i], NULL, &answers, (size_t)(stream.flights[i].ray - tl_rays));
+        hyi_ray_stream_free(s.host.context, &stream);
+        assert_memory_equal(tl_hits, tl_truth, HYI_NODES_ENOUGH * sizeof *tl_hits);
+    }
+    tl_end(&s);
+}
+
 int hydra_test_lanes(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(meshes_alone),
@@ -571,6 +614,7 @@ int hydra_test_lanes(void) {
         cmocka_unit_test(packets_that_part),
         cmocka_unit_test(along_needles),
         cmocka_unit_test(lists_without_room),
+        cmocka_unit_test(waiting_in_numbers),
     };
     return cmocka_run_group_tests_name("lanes", tests, NULL, NULL);
 }
