@@ -215,6 +215,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_RECORDS(rows, words, out) HYI_I(hyi_records_four)(rows, words, out)
 #define HYI_LINES(rows, lines) hyi_lines_avx2(rows, lines)
 #define HYI_FOUR_WORDS(at, offset, rows) hyi_four_words_avx2(at, offset, rows)
+#define HYI_PAIRS false
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW __m256

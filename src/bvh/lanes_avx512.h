@@ -342,6 +342,7 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_BITS8(m) hyi_bits8_avx512(m)
 #define HYI_MIN8_WHERE(a, m, b) _mm256_mask_min_ps(a, m, a, b)
 #define HYI_PIN8(a) hyi_pin8_avx512(a)
+#define HYI_PAIRS true
 #define HYI_LANES 16u
 #define HYI_ALLW 0xffffu
 #define HYI_FW __m512

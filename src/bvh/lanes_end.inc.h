@@ -89,6 +89,7 @@
 #undef HYI_OR4
 #undef HYI_OR8
 #undef HYI_ORW
+#undef HYI_PAIRS
 #undef HYI_PIN2
 #undef HYI_PIN4
 #undef HYI_PIN8

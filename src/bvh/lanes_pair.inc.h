@@ -196,6 +196,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words(rays, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_FOUR_WORDS(at, offset, rows) HYI_I(hyi_four_words)(at, offset, rows)
+#define HYI_PAIRS false
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW HYI_F8

@@ -293,14 +293,14 @@ HYI_INLINE bool hyi_join_packets(hyi_packet *lead, const hyi_packet *other) {
     return true;
 }
 
-/* Makes pairs of neighbours on a list of packets of one group, which then has one number for both; returns how many it has. */
-HYI_INLINE uint32_t hyi_pair_packets(hyi_packet *packets, uint32_t *list, uint32_t count) {
+/* Makes pairs of neighbours on a list of packets of one group, which then has one number for both, or of none; returns how many it has. */
+HYI_INLINE uint32_t hyi_pair_packets(hyi_packet *packets, uint32_t *list, uint32_t count, bool pairs) {
     uint32_t kept = 0;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t first = list[i], second = i + 1u < count ? list[i + 1u] : HYK_NONE;
         packets[first].lead = list[kept++] = first;
         packets[first].mate = HYK_NONE;
-        if (second == HYK_NONE || !hyi_join_packets(&packets[first], &packets[second])) continue;
+        if (!pairs || second == HYK_NONE || !hyi_join_packets(&packets[first], &packets[second])) continue;
         packets[first].mate = second;
         packets[second].lead = first;
         packets[second].mate = HYK_NONE;

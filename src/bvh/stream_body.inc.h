@@ -369,7 +369,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, 
     for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
         if (first[g + 1] == first[g]) continue;
         hyi_set_group(swarm, g);
-        uint32_t some = hyi_pair_packets(swarm->packets, order + first[g], first[g + 1] - first[g]);
+        uint32_t some = hyi_pair_packets(swarm->packets, order + first[g], first[g + 1] - first[g], HYI_PAIRS);
         HYI_I(hyi_send_packets)(swarm, order + first[g], some, space + room);
     }
 }
@@ -384,7 +384,7 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
         if (made < swarm->stream->packet_share && first + some < count) continue;
         for (uint32_t i = 0; i < made; i++) space[i] = i;
-        uint32_t going = hyi_pair_packets(swarm->packets, space, made);
+        uint32_t going = hyi_pair_packets(swarm->packets, space, made, HYI_PAIRS);
         if (going) HYI_I(hyi_send_packets)(swarm, space, going, space + ((made + 15u) & ~15u));
         for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
         made = 0;
