@@ -499,7 +499,7 @@ HYDRA_API hydra_result hydra_scene_load_trees(hydra_scene *scene, const void *da
    threads by calling from several, each with its share. `make bench-rays` measures all this.
 
    Memory. A call with some fifty or more rays takes memory from the allocator and returns it: 0.2 MB and about half a
-   kilobyte a ray, never more than 3.2 MB (4.8 MB in scenes with instances); where any hit does, 1.8 MB (2.6 MB). Where the
+   kilobyte a ray, never more than 3.3 MB (4.8 MB in scenes with instances); where any hit does, 1.8 MB (2.6 MB). Where the
    allocator or the cap refuses, the answers are the same, later.
    Arrays of rays and hits are the caller's; nothing is kept.
 
@@ -5664,6 +5664,16 @@ HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_f
     __m128 less = _mm_cmplt_ps(a, b);
     return _mm_or_ps(_mm_and_ps(less, x), _mm_andnot_ps(less, y));
 }
+/* The last lane of before, then the first three of a. */
+HYI_INLINE hyi_four hyi_four_shift(hyi_four before, hyi_four a) {
+    __m128 seam = _mm_shuffle_ps(before, a, _MM_SHUFFLE(0, 0, 3, 3));
+    return _mm_shuffle_ps(seam, a, _MM_SHUFFLE(2, 1, 2, 0));
+}
+/* Eight whole numbers from 0 to 127. */
+HYI_INLINE void hyi_four_to_bytes(hyi_four a, hyi_four b, uint8_t *to) {
+    __m128i words = _mm_packs_epi32(_mm_cvttps_epi32(a), _mm_cvttps_epi32(b));
+    _mm_storel_epi64((__m128i *)(void *)to, _mm_packus_epi16(words, words));
+}
 HYI_INLINE void hyi_four_transpose(hyi_four a[4]) { _MM_TRANSPOSE4_PS(a[0], a[1], a[2], a[3]); }
 /* Whether a > b in x, y or z. */
 HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return (_mm_movemask_ps(_mm_cmpgt_ps(a, b)) & 7) != 0; }
@@ -5688,6 +5698,10 @@ HYI_INLINE hyi_four hyi_four_turn(hyi_four a) { return vsetq_lane_f32(vgetq_lane
 HYI_INLINE float hyi_four_sum(hyi_four a) { return vgetq_lane_f32(a, 0) + vgetq_lane_f32(a, 1) + vgetq_lane_f32(a, 2); }
 HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { vst1q_s32(to, vcvtq_s32_f32(a)); }
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) { return vbslq_f32(vcltq_f32(a, b), x, y); }
+HYI_INLINE hyi_four hyi_four_shift(hyi_four before, hyi_four a) { return vextq_f32(before, a, 3); }
+HYI_INLINE void hyi_four_to_bytes(hyi_four a, hyi_four b, uint8_t *to) {
+    vst1_u8(to, vqmovn_u16(vcombine_u16(vmovn_u32(vcvtq_u32_f32(a)), vmovn_u32(vcvtq_u32_f32(b)))));
+}
 HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
     float32x4x2_t low = vtrnq_f32(a[0], a[1]), high = vtrnq_f32(a[2], a[3]);
     a[0] = vcombine_f32(vget_low_f32(low.val[0]), vget_low_f32(high.val[0]));
@@ -5749,6 +5763,14 @@ HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) {
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) {
     for (int i = 0; i < 4; i++) x.f[i] = a.f[i] < b.f[i] ? x.f[i] : y.f[i];
     return x;
+}
+HYI_INLINE hyi_four hyi_four_shift(hyi_four before, hyi_four a) {
+    hyi_four r = hyi_four_make(before.f[3], a.f[0], a.f[1]);
+    r.f[3] = a.f[2];
+    return r;
+}
+HYI_INLINE void hyi_four_to_bytes(hyi_four a, hyi_four b, uint8_t *to) {
+    for (int i = 0; i < 8; i++) to[i] = (uint8_t)(i < 4 ? a.f[i] : b.f[i - 4]);
 }
 HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
     for (int i = 0; i < 4; i++) {
@@ -6049,24 +6071,50 @@ HYI_FN void hyi_sum_chunks(hyi_build *build) {
     build->root_area = hyi_bounds_area(&build->root_box);
 }
 
+/* How keys are sorted: the more of them, the wider the digits. A thread has a few pieces: each has counts of its own. */
+typedef struct hyi_sort_shape {
+    uint32_t digit_bits, digits, passes, pieces;
+} hyi_sort_shape;
+#define HYI_CODE_BITS 32u
+#define HYI_SORT_WIDE 8192u
+#define HYI_SORT_LARGE 32768u /* with fewer keys, threads wait for each other longer than they work */
+#define HYI_SORT_PIECES 64u /* at most */
+
+HYI_FN hyi_sort_shape hyi_shape_of_sort(const hyi_build *build) {
+    hyi_sort_shape shape;
+    uint32_t most = build->source_count < HYI_SORT_LARGE ? 1u : 2u * build->context->threads;
+    shape.digit_bits = build->source_count < HYI_SORT_WIDE ? 8u : 11u;
+    shape.digits = 1u << shape.digit_bits;
+    shape.passes = (HYI_CODE_BITS + shape.digit_bits - 1u) / shape.digit_bits;
+    most = most < HYI_SORT_PIECES ? most : HYI_SORT_PIECES;
+    shape.pieces = build->chunk_count < most ? build->chunk_count : most;
+    if (shape.pieces == 0) shape.pieces = 1;
+    return shape;
+}
+
 /* A quick build works in one block. The C library gives large ones back to the system unless they come again and again, and
-   fresh pages take up to a sixth of the time of the build. */
-#define HYI_KEY_COUNTS 8192u /* keys' places for the counts of the sort, behind two arrays of keys */
+   fresh pages take up to a sixth of the time of the build. References have an eighth more places than there are triangles,
+   for nodes to take later. Behind keys and their second array, where they are sorted, are the counts of the sort; of all three
+   only the keys stay, and the rest is spare. */
+#define HYI_SPARE_BYTES 27u /* for each triangle: costs and parents where units have nine triangles for five or more */
 
-#define HYI_SPARE_BYTES 24u  /* for each triangle: costs and parents where units have two or more */
+HYI_INLINE size_t hyi_quick_refs(uint32_t count) { return (size_t)count + count / 8u + 2u; }
 
-HYI_INLINE size_t hyi_key_places(uint32_t count) { return 2u * (size_t)count + HYI_KEY_COUNTS; }
+HYI_INLINE size_t hyi_order_places(uint32_t count) { return ((size_t)count + 2u * HYI_LEAF_MAX - 1u) / HYI_LEAF_MAX * HYI_LEAF_MAX; }
 
-HYI_FN size_t hyi_quick_room(uint32_t count) {
-    size_t keys = hyi_key_places(count) * sizeof(uint64_t), order = (size_t)count * sizeof(uint32_t);
-    return 2u * (size_t)count + (keys + order + (size_t)count * HYI_SPARE_BYTES) / sizeof(hyi_ref) + 2u;
+HYI_FN size_t hyi_quick_room(const hyi_build *build) {
+    hyi_sort_shape shape = hyi_shape_of_sort(build);
+    size_t count = build->source_count, keys = count * sizeof *build->keys, counts = (size_t)shape.pieces * shape.digits * sizeof(uint32_t);
+    size_t sorting = keys + counts, later = count * HYI_SPARE_BYTES + 64u;
+    size_t bytes = hyi_order_places(build->source_count) * sizeof *build->order + keys + (sorting > later ? sorting : later);
+    return hyi_quick_refs(build->source_count) + count + bytes / sizeof(hyi_ref) + 1u;
 }
 
 HYI_FN void hyi_share_room(hyi_build *build) {
-    build->other = build->refs + build->capacity;
-    build->keys = (uint64_t *)(void *)(build->other + build->capacity);
-    build->order = (uint32_t *)(void *)(build->keys + hyi_key_places(build->source_count));
-    build->spare = build->order + (build->source_count + 7u) / 8u * 8u;
+    build->other = build->refs + hyi_quick_refs(build->source_count);
+    build->order = (uint32_t *)(void *)(build->other + build->capacity);
+    build->keys = (uint64_t *)(void *)(build->order + hyi_order_places(build->source_count));
+    build->spare = build->keys + build->source_count;
 }
 
 /* Allocates and fills the references, sets the bounds and the scale, and counts what is kept. Unscaled and without
@@ -6078,7 +6126,7 @@ HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
     build->capacity = build->source_count + (extra < room ? extra : room);
     build->scale = 1.0f;
     HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
-    build->room = build->in_units ? hyi_quick_room(build->source_count) : build->capacity;
+    build->room = build->in_units ? hyi_quick_room(build) : build->capacity;
     HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->room));
     if (build->in_units) hyi_share_room(build);
     hyi_spread_chunks(build);
@@ -6106,10 +6154,7 @@ HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
 #ifndef HYI_BVH_BUILD_SORT_H
 #define HYI_BVH_BUILD_SORT_H
 
-#define HYI_CODE_BITS 32u
 #define HYI_AXIS_BITS 16u
-#define HYI_DIGIT_BITS 8u
-#define HYI_DIGITS (1u << HYI_DIGIT_BITS)
 
 /* How doubled centroids map to codes: cells of each axis by two tables, of the low and of the high byte of the cell. */
 typedef struct hyi_curve {
@@ -6120,9 +6165,10 @@ typedef struct hyi_curve {
 typedef struct hyi_sort {
     hyi_build *build;
     hyi_curve curve;
+    hyi_sort_shape shape;
     uint64_t *keys, *other; /* code, and below it the reference */
     uint32_t *counts;       /* of the digits, by piece; then where they go */
-    uint32_t count, pieces, shift;
+    uint32_t shift;
 } hyi_sort;
 
 /* Which axis each bit of the code belongs to, from the highest down; returns the bits of each. */
@@ -6147,16 +6193,14 @@ HYI_FN void hyi_make_curve(const hyi_bounds *centroids, hyi_curve *curve) {
     hyi_four_store(extent, hyi_four_sub(centroids->upper, centroids->lower));
     hyi_share_bits(extent, axis_of, bits);
     for (uint32_t i = HYI_CODE_BITS; i-- > 0;) place[axis_of[i]][filled[axis_of[i]]++] = HYI_CODE_BITS - 1u - i;
-    memset(curve->low, 0, sizeof curve->low);
-    memset(curve->high, 0, sizeof curve->high);
     for (int a = 0; a < 3; a++) {
         if (extent[a] > 1.0e-30f) scale[a] = (float)(1u << bits[a]) / extent[a];
         last[a] = (float)((1u << bits[a]) - 1u);
-        for (uint32_t cell = 0; cell < 256u; cell++) {
-            for (uint32_t b = 0; b < bits[a]; b++) {
-                if (b < 8u) curve->low[a][cell] |= (cell >> b & 1u) << place[a][b];
-                else curve->high[a][cell] |= (cell >> (b - 8u) & 1u) << place[a][b];
-            }
+        curve->low[a][0] = curve->high[a][0] = 0u;
+        for (uint32_t cell = 1; cell < 256u; cell++) { /* a bit more than a cell before */
+            uint32_t rest = cell & (cell - 1u), bit = hyi_lowest_bit(cell);
+            curve->low[a][cell] = curve->low[a][rest] | (bit < bits[a] ? 1u << place[a][bit] : 0u);
+            curve->high[a][cell] = curve->high[a][rest] | (bit + 8u < bits[a] ? 1u << place[a][bit + 8u] : 0u);
         }
     }
     curve->origin = centroids->lower;
@@ -6173,41 +6217,50 @@ HYI_INLINE uint32_t hyi_code_of(const hyi_curve *curve, hyi_four centroid) {
     return code;
 }
 
-/* ---- pieces */
+/* ---- pieces: some chunks each */
 
-#define HYI_SORT_PIECES 64u
-#define HYI_SORT_PIECE 8192u /* the least keys of a piece: with fewer, threads wait for each other longer than they work */
-HYI_STATIC_ASSERT(HYI_SORT_PIECES * HYI_DIGITS * sizeof(uint32_t) <= HYI_KEY_COUNTS * sizeof(uint64_t));
-
-HYI_INLINE uint32_t hyi_piece_begin(const hyi_sort *sort, uint32_t piece) {
-    return (uint32_t)((uint64_t)sort->count * piece / sort->pieces);
+HYI_INLINE uint32_t hyi_sort_chunk(const hyi_sort *sort, uint32_t piece) {
+    return (uint32_t)((uint64_t)sort->build->chunk_count * piece / sort->shape.pieces);
 }
 
-/* References of a chunk lie where its part of the source does, without gaps; keys have none at all. */
-HYI_FN void hyi_make_keys(void *argument, uint32_t index) {
+HYI_INLINE uint32_t hyi_sort_begin(const hyi_sort *sort, uint32_t piece) {
+    return piece < sort->shape.pieces ? sort->build->chunks[hyi_sort_chunk(sort, piece)].first : sort->build->ref_count;
+}
+
+HYI_INLINE uint32_t hyi_digit_of(const hyi_sort *sort, uint64_t key) { return (uint32_t)(key >> sort->shift) & (sort->shape.digits - 1u); }
+
+HYI_INLINE uint32_t *hyi_digit_counts(const hyi_sort *sort, uint32_t piece) { return sort->counts + (size_t)piece * sort->shape.digits; }
+
+/* References of a chunk lie where its part of the source does, without gaps; keys have none at all. Counts the first digits. */
+HYI_FN void hyi_make_keys(void *argument, uint32_t piece) {
     hyi_sort *sort = (hyi_sort *)argument;
-    const hyi_chunk_sum *chunk = &sort->build->chunks[index];
-    for (uint32_t i = 0; i < chunk->kept; i++) {
-        uint32_t at = index * HYI_BUILD_CHUNK + i;
-        hyi_bounds box = hyi_ref_box(&sort->build->refs[at]);
-        sort->keys[chunk->first + i] = (uint64_t)hyi_code_of(&sort->curve, hyi_centroid(&box)) << 32 | at;
+    uint32_t *counts = hyi_digit_counts(sort, piece);
+    memset(counts, 0, sort->shape.digits * sizeof *counts);
+    for (uint32_t c = hyi_sort_chunk(sort, piece); c < hyi_sort_chunk(sort, piece + 1u); c++) {
+        const hyi_chunk_sum *chunk = &sort->build->chunks[c];
+        for (uint32_t i = 0; i < chunk->kept; i++) {
+            uint32_t at = c * HYI_BUILD_CHUNK + i;
+            hyi_bounds box = hyi_ref_box(&sort->build->refs[at]);
+            uint64_t key = (uint64_t)hyi_code_of(&sort->curve, hyi_centroid(&box)) << 32 | at;
+            sort->keys[chunk->first + i] = key;
+            counts[hyi_digit_of(sort, key)]++;
+        }
     }
 }
 
 HYI_FN void hyi_count_digits(void *argument, uint32_t piece) {
     hyi_sort *sort = (hyi_sort *)argument;
-    uint32_t counts[HYI_DIGITS], end = hyi_piece_begin(sort, piece + 1u);
-    memset(counts, 0, sizeof counts);
-    for (uint32_t i = hyi_piece_begin(sort, piece); i < end; i++) counts[sort->keys[i] >> sort->shift & (HYI_DIGITS - 1u)]++;
-    memcpy(sort->counts + (size_t)piece * HYI_DIGITS, counts, sizeof counts);
+    uint32_t *counts = hyi_digit_counts(sort, piece), end = hyi_sort_begin(sort, piece + 1u);
+    memset(counts, 0, sort->shape.digits * sizeof *counts);
+    for (uint32_t i = hyi_sort_begin(sort, piece); i < end; i++) counts[hyi_digit_of(sort, sort->keys[i])]++;
 }
 
 /* Counts become places: digit by digit, and within one piece by piece. */
 HYI_FN void hyi_place_digits(hyi_sort *sort) {
     uint32_t next = 0;
-    for (uint32_t digit = 0; digit < HYI_DIGITS; digit++) {
-        for (uint32_t piece = 0; piece < sort->pieces; piece++) {
-            uint32_t *place = &sort->counts[(size_t)piece * HYI_DIGITS + digit], count = *place;
+    for (uint32_t digit = 0; digit < sort->shape.digits; digit++) {
+        for (uint32_t piece = 0; piece < sort->shape.pieces; piece++) {
+            uint32_t *place = hyi_digit_counts(sort, piece) + digit, count = *place;
             *place = next;
             next += count;
         }
@@ -6216,24 +6269,31 @@ HYI_FN void hyi_place_digits(hyi_sort *sort) {
 
 HYI_FN void hyi_scatter_digits(void *argument, uint32_t piece) {
     hyi_sort *sort = (hyi_sort *)argument;
-    uint32_t places[HYI_DIGITS], end = hyi_piece_begin(sort, piece + 1u);
-    memcpy(places, sort->counts + (size_t)piece * HYI_DIGITS, sizeof places);
-    for (uint32_t i = hyi_piece_begin(sort, piece); i < end; i++) {
+    uint32_t *places = hyi_digit_counts(sort, piece), end = hyi_sort_begin(sort, piece + 1u);
+    for (uint32_t i = hyi_sort_begin(sort, piece); i < end; i++) {
         uint64_t key = sort->keys[i];
-        sort->other[places[key >> sort->shift & (HYI_DIGITS - 1u)]++] = key;
+        sort->other[places[hyi_digit_of(sort, key)]++] = key;
     }
 }
 
-/* An even number of passes: the result is where the keys were. */
-HYI_FN void hyi_sort_keys(hyi_sort *sort) {
-    const hydra_context *context = sort->build->context;
-    for (sort->shift = 32u; sort->shift < 64u; sort->shift += HYI_DIGIT_BITS) {
-        uint64_t *keys = sort->keys;
-        hyi_parallel(context, sort->pieces, hyi_count_digits, sort);
-        hyi_place_digits(sort);
-        hyi_parallel(context, sort->pieces, hyi_scatter_digits, sort);
-        sort->keys = sort->other;
-        sort->other = keys;
+/* Begins where the last pass brings the keys to where the build has them. */
+HYI_FN void hyi_sort_refs(hyi_build *build) {
+    hyi_sort sort;
+    sort.build = build;
+    sort.shape = hyi_shape_of_sort(build);
+    sort.keys = sort.shape.passes % 2u ? build->keys + build->source_count : build->keys;
+    sort.other = sort.shape.passes % 2u ? build->keys : build->keys + build->source_count;
+    sort.counts = (uint32_t *)(void *)(build->keys + 2u * (size_t)build->source_count);
+    sort.shift = 32u;
+    hyi_make_curve(&build->root_centroids, &sort.curve);
+    hyi_parallel(build->context, sort.shape.pieces, hyi_make_keys, &sort);
+    for (uint32_t pass = 0; pass < sort.shape.passes; pass++, sort.shift += sort.shape.digit_bits) {
+        uint64_t *keys = sort.keys;
+        if (pass > 0) hyi_parallel(build->context, sort.shape.pieces, hyi_count_digits, &sort);
+        hyi_place_digits(&sort);
+        hyi_parallel(build->context, sort.shape.pieces, hyi_scatter_digits, &sort);
+        sort.keys = sort.other;
+        sort.other = keys;
     }
 }
 
@@ -6267,66 +6327,118 @@ HYI_INLINE void hyi_unit_set(hyi_ref *unit, const hyi_bounds *box, uint32_t firs
     memcpy(&unit->upper[3], &bits, sizeof bits);
 }
 
-HYI_INLINE float hyi_unit_cost(const hyi_bounds *box, uint32_t count) {
-    return hyi_bounds_area(box) * (HYI_UNIT_VISIT + HYI_UNIT_TRIANGLE * (float)count);
+/* Units of a piece while they merge: boxes with the places of the first triangle and behind the last in lane 3, as floats, so
+   that minima and maxima of all four lanes are the union; the same as rows; and what each costs, whether it merges with the
+   next one, and what that adds to the cost of the tree, with one before the first. */
+#define HYI_UNIT_ROOM (HYI_PIECE + 8u)
+typedef struct hyi_units {
+    hyi_ref *refs;
+    float rows[8][HYI_UNIT_ROOM];
+    float costs[HYI_UNIT_ROOM], losses[HYI_UNIT_ROOM];
+    int32_t merges[HYI_UNIT_ROOM];
+    uint32_t count;
+} hyi_units;
+#define HYI_LOSS_FIRST 4u
+
+/* Half of the surface of four boxes. */
+HYI_INLINE hyi_four hyi_four_surface(hyi_four x, hyi_four y, hyi_four z) {
+    return hyi_four_add(hyi_four_mul(x, hyi_four_add(y, z)), hyi_four_mul(y, z));
+}
+
+HYI_FN void hyi_spread_units(hyi_units *u) {
+    const hyi_four visit = hyi_four_all(HYI_UNIT_VISIT), each = hyi_four_all(HYI_UNIT_TRIANGLE);
+    for (uint32_t i = 0; i < u->count; i += 4u) {
+        hyi_four rows[8], size[4];
+        for (uint32_t k = 0; k < 4; k++) {
+            const hyi_ref *ref = &u->refs[i + k < u->count ? i + k : i];
+            rows[k] = hyi_four_load(ref->lower);
+            rows[4u + k] = hyi_four_load(ref->upper);
+        }
+        hyi_four_transpose(rows);
+        hyi_four_transpose(rows + 4);
+        for (uint32_t r = 0; r < 8; r++) hyi_four_store(&u->rows[r][i], rows[r]);
+        for (uint32_t r = 0; r < 4; r++) size[r] = hyi_four_sub(rows[4u + r], rows[r]);
+        hyi_four_store(&u->costs[i], hyi_four_mul(hyi_four_surface(size[0], size[1], size[2]), hyi_four_add(visit, hyi_four_mul(each, size[3]))));
+    }
 }
 
 /* What merging each unit with the next one adds to the cost of the tree; FLT_MAX: that makes too large a unit, or there is
    no next. Nothing of a pass depends on the merges of the same pass, and no branch on the losses. */
-HYI_FN void hyi_merge_losses(const hyi_ref *units, uint32_t count, uint32_t most, float *losses) {
-    hyi_bounds box = hyi_ref_box(&units[0]);
-    uint32_t triangles = hyi_unit_count(&units[0]);
-    float cost = hyi_unit_cost(&box, triangles);
-    for (uint32_t i = 0; i + 1u < count; i++) {
-        hyi_bounds next = hyi_ref_box(&units[i + 1u]);
-        uint32_t more = hyi_unit_count(&units[i + 1u]), all = triangles + more;
-        hyi_bounds_add(&box, next.lower, next.upper);
-        float merged = hyi_bounds_area(&box) * (HYI_UNIT_VISIT - HYI_UNIT_PLACE + HYI_UNIT_TRIANGLE * (float)all);
-        float alone = hyi_unit_cost(&next, more);
-        losses[i] = all <= most ? merged - cost - alone : FLT_MAX;
-        box = next;
-        triangles = more;
-        cost = alone;
+HYI_FN void hyi_weigh_merges(hyi_units *u, uint32_t most) {
+    const hyi_four visit = hyi_four_all(HYI_UNIT_VISIT - HYI_UNIT_PLACE), each = hyi_four_all(HYI_UNIT_TRIANGLE);
+    const hyi_four limit = hyi_four_all((float)most), never = hyi_four_all(FLT_MAX);
+    float *losses = u->losses + HYI_LOSS_FIRST;
+    for (uint32_t i = 0; i < u->count; i += 4u) {
+        hyi_four size[4];
+        for (uint32_t r = 0; r < 4; r++) {
+            hyi_four upper = hyi_four_max(hyi_four_load(&u->rows[4u + r][i]), hyi_four_load(&u->rows[4u + r][i + 1u]));
+            size[r] = hyi_four_sub(upper, hyi_four_min(hyi_four_load(&u->rows[r][i]), hyi_four_load(&u->rows[r][i + 1u])));
+        }
+        hyi_four merged = hyi_four_mul(hyi_four_surface(size[0], size[1], size[2]), hyi_four_add(visit, hyi_four_mul(each, size[3])));
+        hyi_four loss = hyi_four_sub(hyi_four_sub(merged, hyi_four_load(&u->costs[i])), hyi_four_load(&u->costs[i + 1u]));
+        hyi_four_store(&losses[i], hyi_four_pick_less(limit, size[3], never, loss));
     }
-    losses[count - 1u] = FLT_MAX;
+    u->losses[HYI_LOSS_FIRST - 1u] = losses[u->count - 1u] = losses[u->count] = FLT_MAX;
 }
 
-/* Merges each pair of neighbours that no other neighbour suits better; returns how many units are left. losses: room. */
-HYI_FN uint32_t hyi_merge_pass(hyi_ref *units, uint32_t count, uint32_t most, float *losses) {
-    uint32_t left = 0, taken = 0; /* taken: 1: the unit before has this one in it */
-    float before = FLT_MAX;
-    hyi_merge_losses(units, count, most, losses);
-    for (uint32_t i = 0; i < count; i++) {
-        float here = losses[i], after = losses[i + 1u < count ? i + 1u : i];
-        uint32_t merges = (uint32_t)(here < 0.0f) & (uint32_t)(here < before) & (uint32_t)(here <= after);
-        const hyi_ref *unit = &units[i], *other = unit + merges;
-        hyi_bounds box = hyi_ref_box(unit), next = hyi_ref_box(other);
-        uint32_t triangles = hyi_unit_count(unit) + merges * hyi_unit_count(other);
-        hyi_bounds_add(&box, next.lower, next.upper);
-        hyi_unit_set(&units[left], &box, hyi_ref_id(unit), triangles);
-        left += 1u - taken; /* what was written of one that is taken, the next one replaces */
-        taken = merges;
-        before = here;
+/* A unit merges with the next one where no other neighbour suits either better. */
+HYI_FN void hyi_choose_merges(hyi_units *u) {
+    const hyi_four none = hyi_four_all(0.0f);
+    const float *losses = u->losses + HYI_LOSS_FIRST;
+    for (uint32_t i = 0; i < u->count; i += 4u) {
+        hyi_four here = hyi_four_load(&losses[i]), merges = hyi_four_pick_less(here, none, hyi_four_all(1.0f), none);
+        merges = hyi_four_pick_less(here, hyi_four_load(u->losses + HYI_LOSS_FIRST - 1u + i), merges, none);
+        merges = hyi_four_pick_less(hyi_four_load(&losses[i + 1u]), here, none, merges);
+        hyi_four_truncate(merges, &u->merges[i]);
     }
-    return left;
+}
+
+HYI_FN void hyi_merge_units(hyi_units *u) {
+    uint32_t left = 0;
+    int32_t taken = 0; /* 1: the unit before has this one in it */
+    for (uint32_t i = 0; i < u->count; i++) {
+        const hyi_ref *unit = &u->refs[i], *other = unit + u->merges[i];
+        hyi_bounds box = hyi_ref_box(unit), next = hyi_ref_box(other);
+        hyi_bounds_add(&box, next.lower, next.upper);
+        hyi_four_store(u->refs[left].lower, box.lower);
+        hyi_four_store(u->refs[left].upper, box.upper);
+        left += 1u - (uint32_t)taken; /* what was written of one that is taken, the next one replaces */
+        taken = u->merges[i];
+    }
+    u->count = left;
+}
+
+/* The triangles of a part of the order, a unit each. */
+HYI_FN void hyi_begin_units(const hyi_build *build, uint32_t begin, hyi_units *u) {
+    for (uint32_t i = 0; i < u->count; i++) {
+        const hyi_ref *ref = &build->refs[(uint32_t)build->keys[begin + i]];
+        build->order[begin + i] = hyi_ref_id(ref);
+        u->refs[i] = *ref;
+        u->refs[i].lower[3] = (float)i;
+        u->refs[i].upper[3] = (float)(i + 1u);
+    }
 }
 
 /* Triangles of a part of the order become units, in the same places of other; returns how many. */
-HYI_FN uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count) {
-    hyi_ref *units = build->other + begin;
-    float losses[HYI_PIECE];
-    uint32_t before, left = count;
-    for (uint32_t i = 0; i < count; i++) {
-        const hyi_ref *ref = &build->refs[(uint32_t)build->keys[begin + i]];
-        hyi_bounds box = hyi_ref_box(ref);
-        build->order[begin + i] = hyi_ref_id(ref);
-        hyi_unit_set(&units[i], &box, begin + i, 1);
-    }
+HYI_NOINLINE uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count) {
+    hyi_units u;
+    uint32_t before;
+    u.refs = build->other + begin;
+    u.count = count;
+    hyi_begin_units(build, begin, &u);
     do {
-        before = left;
-        left = hyi_merge_pass(units, left, build->leaf_max, losses);
-    } while (left < before - before / HYI_MERGE_FEW);
-    return left;
+        before = u.count;
+        hyi_spread_units(&u);
+        hyi_weigh_merges(&u, build->leaf_max);
+        hyi_choose_merges(&u);
+        hyi_merge_units(&u);
+    } while (u.count < before - before / HYI_MERGE_FEW);
+    for (uint32_t i = 0; i < u.count; i++) {
+        hyi_bounds box = hyi_ref_box(&u.refs[i]);
+        uint32_t first = (uint32_t)u.refs[i].lower[3], end = (uint32_t)u.refs[i].upper[3];
+        hyi_unit_set(&u.refs[i], &box, begin + first, end - first);
+    }
+    return u.count;
 }
 
 #endif /* HYI_BVH_BUILD_UNITS_H */
@@ -6960,10 +7072,10 @@ HYI_FN void hyi_split_middle(hyi_build *build, const hyi_range *range, hyi_range
    children stand here instead. */
 typedef struct hyi_cost {
     union {
-        float in_places[HYI_WIDTH];   /* least cost in 1 to 7 places; HYI_COST_NONE: there are not as many tips */
+        float in_places[HYI_WIDTH];   /* least cost in 1 to 7 places, or fewer */
         uint32_t members[HYI_WIDTH];
     } as;
-    uint8_t left[HYI_WIDTH - 1u];     /* of 2 to 8 places, those for the left child; 0: one place less does as well */
+    uint8_t left[HYI_WIDTH];          /* of 2 to 8 places, those for the left child; 0: one place less does as well */
     uint8_t tips;                     /* leaves of the binary tree, up to HYI_WIDTH; 0: costs are not known; children */
     uint8_t count;                    /* references, up to HYI_COUNT_MANY */
     bool leaf;                        /* in one place: whether as a leaf */
@@ -6985,70 +7097,88 @@ HYI_INLINE uint32_t hyi_height_of(const hyi_build *build, const hyi_build_node *
     return hyi_build_is_leaf(node) ? 0u : hyi_cost_at(build, node)->height;
 }
 
-HYI_INLINE void hyi_cost_of_leaf(const hyi_build_node *node, hyi_cost *cost) {
-    hyi_four none = hyi_four_all(HYI_COST_NONE);
-    memset(cost->left, 0, sizeof cost->left);
-    hyi_four_store(cost->as.in_places, none);
-    hyi_four_store(cost->as.in_places + 4, none);
-    cost->as.in_places[0] = hyi_leaf_cost(hyi_node_area(node), node->count);
-    cost->tips = 1;
-    cost->count = (uint8_t)node->count;
-    cost->leaf = true;
-    cost->height = 0;
-}
+/* What cutting up a subtree into places needs to know of it. */
+typedef struct hyi_shareable {
+    hyi_four low, high; /* hyi_cost's in_places */
+    uint32_t tips, count, height;
+} hyi_shareable;
 
-/* The best way to share out 2 to 8 places between two children: its cost, and how many the left one gets. */
-HYI_INLINE void hyi_best_shares(const hyi_cost *left, const hyi_cost *right, float shared[HYI_WIDTH], int32_t to_left[HYI_WIDTH]) {
-    hyi_four none = hyi_four_all(HYI_COST_NONE), low = none, high = none, low_left = hyi_four_all(1.0f), high_left = low_left;
-    float others[3u * HYI_WIDTH]; /* those of the right child from HYI_WIDTH on, nothing around them */
-    for (uint32_t i = 0; i < 3u * HYI_WIDTH; i += 4u)
-        hyi_four_store(others + i, i >= HYI_WIDTH && i < 2u * HYI_WIDTH ? hyi_four_load(right->as.in_places + (i - HYI_WIDTH)) : none);
-    for (uint32_t k = 1; k < HYI_WIDTH && k <= left->tips; k++) {
-        hyi_four mine = hyi_four_all(left->as.in_places[k - 1u]), here = hyi_four_all((float)k);
-        const float *rest = others + HYI_WIDTH + 1u - k;
-        hyi_four low_cost = hyi_four_add(mine, hyi_four_load(rest)), high_cost = hyi_four_add(mine, hyi_four_load(rest + 4));
-        low_left = hyi_four_pick_less(low_cost, low, here, low_left);
-        high_left = hyi_four_pick_less(high_cost, high, here, high_left);
-        low = hyi_four_min(low_cost, low);
-        high = hyi_four_min(high_cost, high);
+HYI_INLINE hyi_shareable hyi_share_of(const hyi_build *build, const hyi_build_node *node) {
+    hyi_shareable share;
+    if (hyi_build_is_leaf(node)) {
+        share.low = share.high = hyi_four_all(hyi_leaf_cost(hyi_node_area(node), node->count));
+        share.tips = 1;
+        share.count = node->count;
+        share.height = 0;
+    } else {
+        const hyi_cost *cost = hyi_cost_at(build, node);
+        share.low = hyi_four_load(cost->as.in_places);
+        share.high = hyi_four_load(cost->as.in_places + 4);
+        share.tips = cost->tips;
+        share.count = cost->count;
+        share.height = cost->height;
     }
-    hyi_four_store(shared, low);
-    hyi_four_store(shared + 4, high);
-    hyi_four_truncate(low_left, to_left);
-    hyi_four_truncate(high_left, to_left + 4);
+    return share;
 }
 
-/* The costs of a child; room: for those of a leaf. */
-HYI_INLINE const hyi_cost *hyi_cost_below(const hyi_build *build, const hyi_build_node *child, hyi_cost *room) {
-    if (!hyi_build_is_leaf(child)) return hyi_cost_at(build, child);
-    hyi_cost_of_leaf(child, room);
-    return room;
+/* The least costs of 2 to 8 places for two children, and how many the one with fewer tips gets then. */
+typedef struct hyi_sharing {
+    hyi_four low, high, few_low, few_high;
+} hyi_sharing;
+
+HYI_INLINE hyi_sharing hyi_best_sharing(const hyi_shareable *few, const hyi_shareable *many) {
+    const hyi_four none = hyi_four_all(HYI_COST_NONE);
+    hyi_sharing best = {none, none, none, none};
+    hyi_four low = many->low, high = many->high; /* in as many places as are left */
+    float mine[HYI_WIDTH];
+    hyi_four_store(mine, few->low);
+    hyi_four_store(mine + 4, few->high);
+    for (uint32_t k = 1; k < HYI_WIDTH && k <= few->tips; k++) {
+        hyi_four here = hyi_four_all(mine[k - 1u]), places = hyi_four_all((float)k);
+        hyi_four low_cost = hyi_four_add(here, low), high_cost = hyi_four_add(here, high);
+        best.few_low = hyi_four_pick_less(low_cost, best.low, places, best.few_low);
+        best.few_high = hyi_four_pick_less(high_cost, best.high, places, best.few_high);
+        best.low = hyi_four_min(low_cost, best.low);
+        best.high = hyi_four_min(high_cost, best.high);
+        high = hyi_four_shift(low, high);
+        low = hyi_four_shift(none, low);
+    }
+    return best;
+}
+
+/* The least costs of all places, from those of one place and of just so many; and where one place less does not do as well,
+   how many of them the left child gets. */
+HYI_INLINE void hyi_set_places(hyi_cost *cost, const hyi_sharing *best, hyi_four one, hyi_four left_low, hyi_four left_high) {
+    const hyi_four none = hyi_four_all(0.0f);
+    hyi_four low = hyi_four_shift(one, best->low), high = hyi_four_shift(best->low, best->high);
+    low = hyi_four_min(low, hyi_four_shift(one, low));
+    low = hyi_four_min(low, hyi_four_shift(one, hyi_four_shift(one, low)));
+    high = hyi_four_min(high, hyi_four_shift(low, high));
+    high = hyi_four_min(high, hyi_four_shift(low, hyi_four_shift(low, high)));
+    hyi_four_store(cost->as.in_places, low);
+    hyi_four_store(cost->as.in_places + 4, high);
+    hyi_four_to_bytes(hyi_four_pick_less(best->low, low, left_low, none), hyi_four_pick_less(best->high, high, left_high, none), cost->left);
 }
 
 HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
-    hyi_cost rooms[2];
+    const float low_places[4] = {2.0f, 3.0f, 4.0f, 5.0f}, high_places[4] = {6.0f, 7.0f, 8.0f, 9.0f};
     const hyi_build_node *children = &build->nodes[node->first];
-    const hyi_cost *left = hyi_cost_below(build, &children[0], &rooms[0]), *right = hyi_cost_below(build, &children[1], &rooms[1]);
-    float area = hyi_node_area(node), shared[HYI_WIDTH];
-    int32_t to_left[HYI_WIDTH];
-    uint32_t count = (uint32_t)left->count + right->count, tips = (uint32_t)left->tips + right->tips;
-    hyi_best_shares(left, right, shared, to_left);
-    tips = tips < HYI_WIDTH ? tips : HYI_WIDTH;
-    float wide = area * HYI_COST_NODE + shared[tips - 2u];
-    float leaf = count <= build->leaf_max ? hyi_leaf_cost(area, count) : FLT_MAX;
-    cost->tips = (uint8_t)tips;
-    cost->count = (uint8_t)(count < HYI_COUNT_MANY ? count : HYI_COUNT_MANY);
+    hyi_shareable left = hyi_share_of(build, &children[0]), right = hyi_share_of(build, &children[1]);
+    bool left_is_few = left.tips <= right.tips;
+    hyi_sharing best = left_is_few ? hyi_best_sharing(&left, &right) : hyi_best_sharing(&right, &left);
+    hyi_four left_low = left_is_few ? best.few_low : hyi_four_sub(hyi_four_load(low_places), best.few_low);
+    hyi_four left_high = left_is_few ? best.few_high : hyi_four_sub(hyi_four_load(high_places), best.few_high);
+    uint32_t count = left.count + right.count, tips = left.tips + right.tips;
+    float area = hyi_node_area(node), shared[4], shares[4];
+    hyi_four_store(shared, best.high);
+    hyi_four_store(shares, left_high);
+    float wide = area * HYI_COST_NODE + shared[HYI_WIDTH - 6u], leaf = count <= build->leaf_max ? hyi_leaf_cost(area, count) : FLT_MAX;
     cost->leaf = leaf <= wide;
-    cost->height = (uint8_t)(1u + (left->height > right->height ? left->height : right->height));
-    float least = cost->as.in_places[0] = cost->leaf ? leaf : wide;
-    for (uint32_t places = 2; places < HYI_WIDTH; places++) {
-        bool better = places <= tips && shared[places - 2u] < least;
-        least = better ? shared[places - 2u] : least;
-        cost->left[places - 2u] = (uint8_t)(better ? to_left[places - 2u] : 0);
-        cost->as.in_places[places - 1u] = places <= tips ? least : HYI_COST_NONE;
-    }
-    cost->as.in_places[HYI_WIDTH - 1u] = HYI_COST_NONE;
-    cost->left[HYI_WIDTH - 2u] = (uint8_t)to_left[tips - 2u];
+    hyi_set_places(cost, &best, hyi_four_all(cost->leaf ? leaf : wide), left_low, left_high);
+    cost->left[HYI_WIDTH - 2u] = (uint8_t)shares[HYI_WIDTH - 6u];
+    cost->tips = (uint8_t)(tips < HYI_WIDTH ? tips : HYI_WIDTH);
+    cost->count = (uint8_t)(count < HYI_COUNT_MANY ? count : HYI_COUNT_MANY);
+    cost->height = (uint8_t)(1u + (left.height > right.height ? left.height : right.height));
 }
 
 /* The costs of a node whose children's are known; of triangles in units, their count as well. */
@@ -7087,16 +7217,19 @@ HYI_FN void hyi_cost_above(const hyi_build *build, uint32_t at) {
 #define HYI_CLUSTER_HEIGHT 20u  /* the most levels of a cluster: the tree above needs some as well */
 #define HYI_CLUSTER_FEW 16u     /* passes end when one has merged less than this part of the clusters */
 #define HYI_CLUSTER_FAR 1.0e18f /* half the size of a box that is no one's best partner */
-#define HYI_CLUSTER_INNER 0x10000u
+#define HYI_CLUSTER_INNER 0x8000u
 HYI_STATIC_ASSERT(HYI_CLUSTER_INNER > HYI_PIECE);
 
 /* Clusters in the order of the curve: references whose id is a unit of the piece, or HYI_CLUSTER_INNER and a merge, and
-   whose count is the height; and their boxes as rows of floats, with something to look at before and behind them. */
+   whose count is the height; their boxes as rows of floats, with something to look at before and behind them; and half the
+   surface of each together with those behind it. */
 #define HYI_CLUSTER_ROOM (HYI_PIECE + 2u * HYI_CLUSTER_REACH + 4u)
 typedef struct hyi_clusters {
-    hyi_ref refs[HYI_PIECE];
+    hyi_ref refs[HYI_PIECE + 4u];
     float planes[6][HYI_CLUSTER_ROOM]; /* lower x, y, z, upper x, y, z */
+    float surfaces[HYI_CLUSTER_REACH][HYI_CLUSTER_ROOM];
     int32_t partner[HYI_PIECE + 4u];   /* how far away */
+    uint8_t heights[HYI_PIECE];
     uint32_t count, merges;
 } hyi_clusters;
 
@@ -7135,10 +7268,18 @@ HYI_INLINE hyi_four_boxes hyi_load_boxes(const hyi_clusters *c, uint32_t at) {
 /* Half of the surface of four boxes together with four others. */
 HYI_INLINE hyi_four hyi_surface_with(const hyi_four_boxes *boxes, const hyi_clusters *c, uint32_t at) {
     hyi_four_boxes with = hyi_load_boxes(c, at);
-    hyi_four x = hyi_four_sub(hyi_four_max(boxes->plane[3], with.plane[3]), hyi_four_min(boxes->plane[0], with.plane[0]));
-    hyi_four y = hyi_four_sub(hyi_four_max(boxes->plane[4], with.plane[4]), hyi_four_min(boxes->plane[1], with.plane[1]));
-    hyi_four z = hyi_four_sub(hyi_four_max(boxes->plane[5], with.plane[5]), hyi_four_min(boxes->plane[2], with.plane[2]));
-    return hyi_four_add(hyi_four_mul(x, hyi_four_add(y, z)), hyi_four_mul(y, z));
+    hyi_four size[3];
+    for (uint32_t a = 0; a < 3; a++)
+        size[a] = hyi_four_sub(hyi_four_max(boxes->plane[3u + a], with.plane[3u + a]), hyi_four_min(boxes->plane[a], with.plane[a]));
+    return hyi_four_surface(size[0], size[1], size[2]);
+}
+
+/* From those before the first on, who are nobody's best partners. */
+HYI_FN void hyi_find_surfaces(hyi_clusters *c) {
+    for (uint32_t at = 0; at < HYI_CLUSTER_REACH + c->count; at += 4u) {
+        const hyi_four_boxes boxes = hyi_load_boxes(c, at);
+        for (uint32_t k = 1; k <= HYI_CLUSTER_REACH; k++) hyi_four_store(&c->surfaces[k - 1u][at], hyi_surface_with(&boxes, c, at + k));
+    }
 }
 
 /* Each cluster's best partner. Of equally good ones the one that is its pair in the order comes first, then closer ones,
@@ -7147,17 +7288,17 @@ HYI_FN void hyi_find_partners(hyi_clusters *c) {
     const float odd[4] = {0.0f, 1.0f, 0.0f, 1.0f};
     const hyi_four parity = hyi_four_load(odd), half = hyi_four_all(0.5f), ones = hyi_four_all(1.0f), back = hyi_four_all(-1.0f);
     hyi_spread_clusters(c);
+    hyi_find_surfaces(c);
     for (uint32_t i = 0; i < c->count; i += 4u) {
         const uint32_t at = HYI_CLUSTER_REACH + i;
-        const hyi_four_boxes boxes = hyi_load_boxes(c, at);
-        hyi_four before = hyi_surface_with(&boxes, c, at - 1u), behind = hyi_surface_with(&boxes, c, at + 1u);
+        hyi_four before = hyi_four_load(&c->surfaces[0][at - 1u]), behind = hyi_four_load(&c->surfaces[0][at]);
         hyi_four best = hyi_four_pick_less(parity, half, behind, before), other = hyi_four_pick_less(parity, half, before, behind);
         hyi_four which = hyi_four_pick_less(parity, half, ones, back);
         which = hyi_four_pick_less(other, best, hyi_four_sub(hyi_four_all(0.0f), which), which);
         best = hyi_four_min(other, best);
         for (uint32_t k = 2; k <= HYI_CLUSTER_REACH; k++) {
-            before = hyi_surface_with(&boxes, c, at - k);
-            behind = hyi_surface_with(&boxes, c, at + k);
+            before = hyi_four_load(&c->surfaces[k - 1u][at - k]);
+            behind = hyi_four_load(&c->surfaces[k - 1u][at]);
             which = hyi_four_pick_less(before, best, hyi_four_all(-(float)k), which);
             best = hyi_four_min(before, best);
             which = hyi_four_pick_less(behind, best, hyi_four_all((float)k), which);
@@ -7167,35 +7308,31 @@ HYI_FN void hyi_find_partners(hyi_clusters *c) {
     }
 }
 
-/* Merges two clusters into the first, unless that gets too high. */
-HYI_INLINE bool hyi_merge_two(hyi_clusters *c, hyi_ref *first, const hyi_ref *second, uint64_t *merges) {
-    uint32_t height = hyi_unit_count(first), other = hyi_unit_count(second);
-    hyi_bounds box = hyi_ref_box(first), more = hyi_ref_box(second);
-    height = other > height ? other : height;
-    if (height == HYI_CLUSTER_HEIGHT) return false;
-    hyi_bounds_add(&box, more.lower, more.upper);
-    merges[c->merges] = (uint64_t)hyi_ref_id(second) << 32 | hyi_ref_id(first);
-    hyi_unit_set(first, &box, HYI_CLUSTER_INNER | c->merges++, height + 1u);
-    return true;
-}
-
-/* Merges those that chose each other, each at the place of the first of the two. */
-HYI_FN void hyi_merge_partners(hyi_clusters *c, uint64_t *merges) {
+/* Merges those that chose each other, each at the place of the first of the two, unless that gets too high. No branch on who
+   merges: the second of two is written too, and then replaced by who comes next. */
+HYI_FN void hyi_merge_partners(hyi_clusters *c, uint32_t *merges) {
     uint32_t left = 0;
+    for (uint32_t i = 0; i < c->count; i++) c->heights[i] = (uint8_t)hyi_unit_count(&c->refs[i]);
     for (uint32_t i = 0; i < c->count; i++) {
-        uint32_t with = (uint32_t)((int32_t)i + c->partner[i]);
-        bool mutual = with < c->count && c->partner[with] == -c->partner[i];
-        if (mutual && with < i) continue;
-        hyi_ref ref = c->refs[i];
-        if (mutual && !hyi_merge_two(c, &ref, &c->refs[with], merges)) c->partner[with] = (int32_t)HYI_PIECE; /* nobody's */
-        c->refs[left++] = ref;
+        uint32_t with = (uint32_t)((int32_t)i + c->partner[i]), height = c->heights[i], other = c->heights[with];
+        uint32_t higher = other > height ? other : height;
+        uint32_t mutual = (uint32_t)(c->partner[with] == -c->partner[i]) & (uint32_t)(higher < HYI_CLUSTER_HEIGHT);
+        uint32_t merge = mutual & (uint32_t)(with > i);
+        const hyi_ref *first = &c->refs[i], *second = &c->refs[merge ? with : i];
+        hyi_bounds box = hyi_ref_box(first), more = hyi_ref_box(second);
+        uint32_t id = hyi_ref_id(first);
+        merges[c->merges] = hyi_ref_id(second) << 16 | id;
+        hyi_bounds_add(&box, more.lower, more.upper);
+        hyi_unit_set(&c->refs[left], &box, merge ? HYI_CLUSTER_INNER | c->merges : id, merge ? higher + 1u : height);
+        c->merges += merge;
+        left += 1u - (mutual & (uint32_t)(with < i));
     }
     c->count = left;
 }
 
 /* Clusters of a piece's units. merges and roots: room for as many as there are units: the children of each merge, the second
-   in the high half; and what is left. */
-HYI_FN void hyi_cluster_units(const hyi_ref *units, hyi_piece *piece, uint64_t *merges, uint64_t *roots) {
+   in the high half; and what is left. By itself, as making units is: what each works in is not to stand on the stack together. */
+HYI_NOINLINE void hyi_cluster_units(const hyi_ref *units, hyi_piece *piece, uint32_t *merges, uint32_t *roots) {
     hyi_clusters c;
     uint32_t before, enough = piece->units / HYI_CLUSTER_SHARE + 1u;
     c.count = piece->units;
@@ -7216,10 +7353,11 @@ HYI_FN void hyi_cluster_units(const hyi_ref *units, hyi_piece *piece, uint64_t *
 
 /* ---- pieces, each by itself */
 
-/* A piece's merges take the places of its keys, and what is left those of the keys' other array. */
-HYI_INLINE uint64_t *hyi_piece_merges(const hyi_build *build, uint32_t piece) { return build->keys + (size_t)piece * HYI_PIECE; }
-HYI_INLINE uint64_t *hyi_piece_roots(const hyi_build *build, uint32_t piece) {
-    return build->keys + build->primitive_count + (size_t)piece * HYI_PIECE;
+/* A piece's merges take the places of its keys, and what is left the second half of these. */
+HYI_INLINE uint32_t *hyi_piece_merges(const hyi_build *build, uint32_t piece) { return (uint32_t *)(void *)(build->keys + (size_t)piece * HYI_PIECE); }
+HYI_INLINE uint32_t *hyi_piece_roots(const hyi_build *build, uint32_t piece) {
+    uint32_t left = build->primitive_count - piece * HYI_PIECE;
+    return hyi_piece_merges(build, piece) + (left < HYI_PIECE ? left : HYI_PIECE);
 }
 
 HYI_FN void hyi_make_piece(void *argument, uint32_t index) {
@@ -7248,17 +7386,8 @@ HYI_FN void hyi_make_pieces(hyi_build *build) {
 
 /* References become units, and these clusters; references are then to clusters, without boxes yet. */
 HYI_FN hydra_result hyi_build_units(hyi_build *build) {
-    hyi_sort sort;
     uint32_t count = build->primitive_count = build->ref_count;
-    sort.build = build;
-    sort.count = count;
-    sort.pieces = count < HYI_SORT_PIECE * HYI_SORT_PIECES ? count / HYI_SORT_PIECE + 1u : HYI_SORT_PIECES;
-    sort.keys = build->keys;
-    sort.other = build->keys + count;
-    sort.counts = (uint32_t *)(void *)(build->keys + 2u * (size_t)count);
-    hyi_make_curve(&build->root_centroids, &sort.curve);
-    hyi_parallel(build->context, build->chunk_count, hyi_make_keys, &sort);
-    hyi_sort_keys(&sort);
+    hyi_sort_refs(build);
     build->piece_count = (count + HYI_PIECE - 1u) / HYI_PIECE;
     HYI_TRY(hyi_alloc_array(build->context, &build->pieces, build->piece_count));
     hyi_make_pieces(build);
@@ -7327,15 +7456,15 @@ HYI_FN void hyi_place_piece(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
     hyi_piece *piece = &build->pieces[index];
     const hyi_ref *units = build->other + (size_t)index * HYI_PIECE;
-    const uint64_t *merges = hyi_piece_merges(build, index), *roots = hyi_piece_roots(build, index);
+    const uint32_t *merges = hyi_piece_merges(build, index), *roots = hyi_piece_roots(build, index);
     hyi_bounds centroids = hyi_bounds_empty();
     for (uint32_t m = 0; m < piece->units - piece->clusters; m++) {
         uint32_t at = 2u * (piece->first_pair + m);
-        hyi_set_member_node(build, at, piece, units, (uint32_t)merges[m]);
-        hyi_set_member_node(build, at + 1u, piece, units, (uint32_t)(merges[m] >> 32));
+        hyi_set_member_node(build, at, piece, units, merges[m] & 0xffffu);
+        hyi_set_member_node(build, at + 1u, piece, units, merges[m] >> 16);
     }
     for (uint32_t i = 0; i < piece->clusters; i++) {
-        hyi_bounds box = hyi_set_root(build, piece, units, (uint32_t)roots[i], &build->refs[piece->first_ref + i]);
+        hyi_bounds box = hyi_set_root(build, piece, units, roots[i], &build->refs[piece->first_ref + i]);
         hyi_add_centroid(&centroids, &box);
     }
     piece->centroids = centroids;
@@ -7705,12 +7834,12 @@ HYI_FN hydra_result hyi_cut_tasks(hyi_build *build) {
 }
 
 /* Whether quick builds have places left for nodes: those of the references that units were made of, behind the ones to
-   clusters, each pair in one cache line. Then there are half as many units as triangles at most, and what is kept by pairs
+   clusters, each pair in one cache line. Then there are nine units for sixteen triangles at most, and what is kept by pairs
    fits into the spare bytes. */
-HYI_STATIC_ASSERT(sizeof(hyi_cost) + sizeof(uint32_t) <= 2u * HYI_SPARE_BYTES);
+HYI_STATIC_ASSERT(9u * (sizeof(hyi_cost) + sizeof(uint32_t)) <= 16u * HYI_SPARE_BYTES);
 HYI_FN bool hyi_nodes_in_room(hyi_build *build, uint32_t pairs) {
     size_t first = ((size_t)build->ref_count + 1u) / 2u * 2u;
-    if (first + build->node_capacity > build->capacity) return false;
+    if (first + build->node_capacity > hyi_quick_refs(build->source_count)) return false;
     build->nodes = (hyi_build_node *)(void *)(build->refs + first);
     build->costs = (hyi_cost *)build->spare;
     build->parents = (uint32_t *)(void *)(build->costs + pairs);
@@ -7760,7 +7889,7 @@ HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
 #ifndef HYI_BVH_BUILD_REINSERT_H
 #define HYI_BVH_BUILD_REINSERT_H
 
-#define HYI_REINSERT_PIECE 32u /* candidates in a piece of work */
+#define HYI_REINSERT_PIECE 64u /* candidates in a piece of work */
 #define HYI_NO_NODE UINT32_MAX
 
 typedef struct hyi_candidate {
@@ -7985,10 +8114,18 @@ HYI_FN hydra_result hyi_reinsert_largest(hyi_build *build) {
 #ifndef HYI_BVH_BUILD_COLLAPSE_H
 #define HYI_BVH_BUILD_COLLAPSE_H
 
-/* Subtrees with no more references than this are written by one thread. */
-#define HYI_WIDE_TASK 4096u
+/* Subtrees with no more references than a sixteenth of all, but for these bounds, are written by one thread. */
+#define HYI_WIDE_TASK_LEAST 256u
+#define HYI_WIDE_TASK_MOST 4096u
 
-/* The binary nodes that become the children of one wide node, widest surface first. */
+HYI_INLINE uint32_t hyi_wide_task_size(const hyi_build *build) {
+    uint32_t size = build->source_count / 16u;
+    return size < HYI_WIDE_TASK_LEAST ? HYI_WIDE_TASK_LEAST : size < HYI_WIDE_TASK_MOST ? size : HYI_WIDE_TASK_MOST;
+}
+
+/* The binary nodes that become the children of one wide node, widest surface first: with HYI_MEMBER_LEAF where it becomes
+   a leaf. */
+#define HYI_MEMBER_LEAF 0x80000000u
 typedef struct hyi_family {
     uint32_t count, inner;
     uint32_t member[HYI_WIDTH];
@@ -8016,14 +8153,14 @@ HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t at) {
 /* Keeps the order: largest surface first, then who came first. */
 HYI_FN void hyi_family_add(hyi_family *family, const hyi_build *build, uint32_t node) {
     float area = hyi_node_area(&build->nodes[node]);
-    uint32_t at = family->count++;
+    uint32_t at = family->count++, leaf = hyi_becomes_leaf(build, node) ? HYI_MEMBER_LEAF : 0u;
     for (; at > 0 && family->area[at - 1u] < area; at--) {
         family->area[at] = family->area[at - 1u];
         family->member[at] = family->member[at - 1u];
     }
     family->area[at] = area;
-    family->member[at] = node;
-    family->inner += hyi_becomes_leaf(build, node) ? 0u : 1u;
+    family->member[at] = node | leaf;
+    family->inner += leaf ? 0u : 1u;
 }
 
 /* Puts a subtree into up to places children. */
@@ -8057,20 +8194,21 @@ HYI_FN void hyi_recall_family(const hyi_build *build, uint32_t node, hyi_family 
     memcpy(family->member, cost->as.members, sizeof family->member);
     family->count = cost->tips;
     family->inner = 0;
-    for (uint32_t c = 0; c < family->count; c++) family->inner += hyi_becomes_leaf(build, family->member[c]) ? 0u : 1u;
+    for (uint32_t c = 0; c < family->count; c++) family->inner += 1u - family->member[c] / HYI_MEMBER_LEAF;
 }
 
 /* ---- leaves */
 
-/* The primitives below a binary node that becomes a leaf, each once; returns how many. */
-HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t count, uint32_t ids[HYI_LEAF_MAX]) {
+/* The primitives below a binary node that becomes a leaf, each once; returns how many. Units are copied with what comes
+   behind them, as if they were as large as may be. */
+HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t count, uint32_t ids[2u * HYI_LEAF_MAX]) {
     const hyi_build_node *from = &build->nodes[node];
     if (!hyi_build_is_leaf(from)) {
         count = hyi_gather_leaf(build, from->first, count, ids);
         return hyi_gather_leaf(build, from->first + 1u, count, ids);
     }
     if (build->in_units) {
-        memcpy(ids + count, build->order + from->first, from->count * sizeof *ids);
+        memcpy(ids + count, build->order + from->first, HYI_LEAF_MAX * sizeof *ids);
         return count + from->count;
     }
     for (uint32_t i = 0; i < from->count; i++) {
@@ -8082,49 +8220,75 @@ HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t 
     return count;
 }
 
-HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t first, uint32_t count, const uint32_t *ids) {
-    memcpy(build->bvh->ids + first, ids, count * sizeof *ids);
-    if (!build->positions) return;
-    float *row = build->bvh->rows + 9u * (size_t)first;
-    hyi_four scale = hyi_four_all(build->scale);
+/* The nine floats of a triangle, each in its row. */
+HYI_INLINE void hyi_write_lane(const hyi_build *build, uint32_t id, float *row, uint32_t count) {
+    const uint32_t *index = build->indices + 3u * (size_t)id;
+    for (uint32_t corner = 0; corner < 3; corner++) {
+        hyi_four p = hyi_four_load3(build->positions + 3u * (size_t)index[corner]);
+        hyi_four_scatter(hyi_four_mul(p, hyi_four_all(build->scale)), row + 3u * corner * count, count);
+    }
+}
+
+/* Triangles lie anywhere: those of a node's leaves are asked for together, unless the cache has so few of them. */
+#define HYI_SOURCE_LARGE 65536u
+HYI_INLINE void hyi_ask_for_triangles(const hyi_build *build, const uint32_t *ids, uint32_t count) {
+    if (build->source_count < HYI_SOURCE_LARGE) return;
+    for (uint32_t i = 0; i < count; i++) hyi_prefetch(build->indices + 3u * (size_t)ids[i]);
     for (uint32_t i = 0; i < count; i++) {
         const uint32_t *index = build->indices + 3u * (size_t)ids[i];
-        for (uint32_t corner = 0; corner < 3; corner++) {
-            hyi_four p = hyi_four_load3(build->positions + 3u * (size_t)index[corner]);
-            hyi_four_scatter(hyi_four_mul(p, scale), row + 3u * corner * count + i, count);
-        }
+        for (uint32_t corner = 0; corner < 3; corner++) hyi_prefetch(build->positions + 3u * (size_t)index[corner]);
+    }
+}
+
+/* The rows of a leaf whose ids are there. */
+HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t leaf) {
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
+    float *row = build->bvh->rows + 9u * (size_t)first;
+    for (uint32_t i = 0; i < count; i++) hyi_write_lane(build, build->bvh->ids[first + i], row + i, count);
+}
+
+/* All leaves of a node, whose triangles are count from first on. */
+HYI_FN void hyi_write_leaves(const hyi_build *build, const hyi_node *node, uint32_t first, uint32_t count, const uint32_t *ids) {
+    memcpy(build->bvh->ids + first, ids, count * sizeof *ids);
+    if (!build->positions) return;
+    hyi_ask_for_triangles(build, ids, count);
+    for (uint32_t c = 0; c < HYI_WIDTH && node->child[c] != HYI_CHILD_NONE; c++) {
+        if (hyi_child_is_leaf(node->child[c])) hyi_write_leaf(build, node->child[c]);
     }
 }
 
 /* ---- nodes */
 
-HYI_FN void hyi_clear_node(hyi_node *node) {
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        for (int a = 0; a < 3; a++) {
-            node->planes[2 * a][c] = HYI_EMPTY_PLANE;
-            node->planes[2 * a + 1][c] = -HYI_EMPTY_PLANE;
+/* Boxes of a family's members as planes, those of no one behind them; children are set as they get their places. */
+HYI_FN void hyi_begin_node(hyi_node *node, const hyi_build *build, const hyi_family *family) {
+    const hyi_build_node none = {{HYI_EMPTY_PLANE, HYI_EMPTY_PLANE, HYI_EMPTY_PLANE}, 0, {-HYI_EMPTY_PLANE, -HYI_EMPTY_PLANE, -HYI_EMPTY_PLANE}, 0};
+    for (uint32_t c = 0; c < HYI_WIDTH; c += 4u) {
+        hyi_four lower[4], upper[4];
+        for (uint32_t k = 0; k < 4; k++) {
+            const hyi_build_node *box = c + k < family->count ? &build->nodes[family->member[c + k] & ~HYI_MEMBER_LEAF] : &none;
+            lower[k] = hyi_four_load(box->lower);
+            upper[k] = hyi_four_load(box->upper);
         }
+        hyi_four_transpose(lower);
+        hyi_four_transpose(upper);
+        for (uint32_t a = 0; a < 3; a++) {
+            hyi_four_store(&node->planes[2u * a][c], lower[a]);
+            hyi_four_store(&node->planes[2u * a + 1u][c], upper[a]);
+        }
+    }
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
         node->child[c] = HYI_CHILD_NONE;
         node->unused[c] = 0;
     }
 }
 
-HYI_FN void hyi_set_child(hyi_node *node, uint32_t c, const hyi_build_node *box, uint32_t child) {
-    for (int a = 0; a < 3; a++) {
-        node->planes[2 * a][c] = box->lower[a];
-        node->planes[2 * a + 1][c] = box->upper[a];
-    }
-    node->child[c] = child;
-}
-
-/* Gives a leaf its slots, and writes it; returns the child. */
-HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary) {
+/* Gives a leaf its slots; returns the child. ids: room for the triangles, and for HYI_LEAF_MAX more. */
+HYI_FN uint32_t hyi_place_leaf(hyi_wide_walk *walk, uint32_t binary, uint32_t *ids) {
     const hyi_build_node *node = &walk->build->nodes[binary];
-    uint32_t ids[HYI_LEAF_MAX], first = walk->next_slot;
+    uint32_t first = walk->next_slot;
     uint32_t count = hyi_build_is_leaf(node) ? node->count : hyi_cost_at(walk->build, node)->count;
     if (walk->writes || walk->build->best) count = hyi_gather_leaf(walk->build, binary, 0, ids); /* parts of one triangle count once */
     walk->next_slot += count;
-    if (walk->writes) hyi_write_leaf(walk->build, first, count, ids);
     return hyi_make_leaf(first, count);
 }
 
@@ -8145,7 +8309,7 @@ HYI_FN hydra_result hyi_hand_over(hyi_wide_walk *walk, uint32_t binary, uint32_t
 
 /* The wide tree below a binary node that does not become a leaf, whose wide node has its place. */
 HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t root_place, uint32_t root_level) {
-    uint32_t binary[HYI_TREE_DEPTH * HYI_WIDTH], place[HYI_TREE_DEPTH * HYI_WIDTH], level[HYI_TREE_DEPTH * HYI_WIDTH];
+    uint32_t ids[(HYI_WIDTH + 1u) * HYI_LEAF_MAX], binary[HYI_TREE_DEPTH * HYI_WIDTH], place[HYI_TREE_DEPTH * HYI_WIDTH], level[HYI_TREE_DEPTH * HYI_WIDTH];
     hyi_build *build = walk->build;
     uint32_t waiting = 1;
     binary[0] = root;
@@ -8155,27 +8319,29 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
         hyi_family family;
         uint32_t from = binary[--waiting], depth = level[waiting];
         hyi_node *node = walk->writes ? &build->bvh->nodes[place[waiting]] : NULL;
-        if (walk->collects && (build->nodes[from].count & ~HYI_BUILD_INNER) <= HYI_WIDE_TASK) {
+        if (walk->collects && (build->nodes[from].count & ~HYI_BUILD_INNER) <= hyi_wide_task_size(build)) {
             HYI_TRY(hyi_hand_over(walk, from, place[waiting], depth));
             continue;
         }
         walk->depth = depth + 1u > walk->depth ? depth + 1u : walk->depth;
         if (walk->writes) hyi_recall_family(build, from, &family);
         else hyi_gather_family(build, from, &family);
+        uint32_t first_slot = walk->next_slot;
         walk->next_node += family.inner;
-        if (node) hyi_clear_node(node);
+        if (node) hyi_begin_node(node, build, &family);
         for (uint32_t c = family.count, at = walk->next_node; c-- > 0;) {
-            uint32_t member = family.member[c], child;
-            if (hyi_becomes_leaf(build, member)) {
-                child = hyi_place_leaf(walk, member);
+            uint32_t member = family.member[c] & ~HYI_MEMBER_LEAF, child;
+            if (family.member[c] & HYI_MEMBER_LEAF) {
+                child = hyi_place_leaf(walk, member, ids + (walk->next_slot - first_slot));
             } else {
                 child = --at;
                 binary[waiting] = member;
                 place[waiting] = at;
                 level[waiting++] = depth + 1u;
             }
-            if (node) hyi_set_child(node, c, &build->nodes[member], child);
+            if (node) node->child[c] = child;
         }
+        if (node) hyi_write_leaves(build, node, first_slot, walk->next_slot - first_slot, ids);
     }
     return HYDRA_OK;
 }
@@ -8238,7 +8404,7 @@ HYI_FN hydra_result hyi_allocate_wide(hyi_build *build) {
 /* Allocates and writes what stays. */
 HYI_FN hydra_result hyi_collapse(hyi_build *build) {
     hyi_bvh *bvh = build->bvh;
-    uint32_t root = build->node_capacity - 1u, ids[HYI_LEAF_MAX];
+    uint32_t root = build->node_capacity - 1u, ids[2u * HYI_LEAF_MAX];
     bool one_leaf = hyi_becomes_leaf(build, root);
     bvh->scale = build->scale;
     hyi_bounds_store(&build->root_box, bvh->scaled.lower, bvh->scaled.upper);
@@ -8246,7 +8412,8 @@ HYI_FN hydra_result hyi_collapse(hyi_build *build) {
         bvh->slot_count = hyi_gather_leaf(build, root, 0, ids);
         HYI_TRY(hyi_allocate_wide(build));
         bvh->root = hyi_make_leaf(0, bvh->slot_count);
-        hyi_write_leaf(build, 0, bvh->slot_count, ids);
+        memcpy(bvh->ids, ids, bvh->slot_count * sizeof *ids);
+        if (build->positions) hyi_write_leaf(build, bvh->root);
         return HYDRA_OK;
     }
     HYI_TRY(hyi_count_wide(build, root));
@@ -9065,6 +9232,14 @@ typedef struct hyi_turn {
     uint8_t bytes[16];
 } hyi_turn;
 
+/* Where most rays begin, in a tree's units, and what bounds the errors of all that do: see hyi_aim_slabs. All zero: nowhere. */
+typedef struct hyi_vicinity {
+    float middle[4];    /* the last: of t_min, 0 */
+    uint32_t radius[4]; /* bits of floats, as distances from middle are compared; the last: t_min is finite */
+    float bound[4];     /* hyi_slab_bound */
+    float noise;        /* hyi_aim.noise */
+} hyi_vicinity;
+
 /* What a triangle must beat, and the answer. */
 typedef struct hyi_best {
     float t, u, v;
@@ -9124,6 +9299,29 @@ HYI_INLINE float hyi_reach(const hyi_box *box, float origin, int axis, bool loos
    whose slabs end beyond the reach of the others: they are never NaN, and an origin on a plane lies inside by the bound. */
 HYI_INLINE float hyi_slab_bound(float reach, float along, float origin) {
     return HYI_SLAB_BOUND * (reach + along) + 2.0f * HYI_ULP * fabsf(origin);
+}
+
+/* A quarter of the tree's largest side beyond its box, along each axis. */
+HYI_FN hyi_vicinity hyi_vicinity_of(const hyi_bvh *bvh) {
+    const float slack = 1.0f + 16.0f * HYI_ULP; /* for what is rounded here, and in distances from middle */
+    hyi_vicinity vicinity;
+    float half[3], reach[3], radius[3], largest = 0.0f, farthest = 0.0f;
+    memset(&vicinity, 0, sizeof vicinity);
+    for (int a = 0; a < 3; a++) {
+        vicinity.middle[a] = 0.5f * (bvh->scaled.lower[a] + bvh->scaled.upper[a]);
+        half[a] = 0.5f * (bvh->scaled.upper[a] - bvh->scaled.lower[a]) + HYI_ULP * fabsf(vicinity.middle[a]);
+        largest = half[a] > largest ? half[a] : largest;
+    }
+    for (int a = 0; a < 3; a++) {
+        radius[a] = half[a] + 0.5f * largest;
+        reach[a] = (half[a] + radius[a]) * slack;
+        farthest = reach[a] > farthest ? reach[a] : farthest;
+        vicinity.noise += HYI_SHEAR_NOISE * slack * reach[a];
+    }
+    for (int a = 0; a < 3; a++) vicinity.bound[a] = slack * hyi_slab_bound(reach[a], farthest, fabsf(vicinity.middle[a]) + radius[a] * slack);
+    memcpy(vicinity.radius, radius, sizeof radius);
+    vicinity.radius[3] = 0x7f7fffffu;
+    return vicinity;
 }
 
 HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, const float *d, bool loose) {
@@ -9343,6 +9541,7 @@ typedef struct hyi_accel {
     const hyi_bvh *shapes;         /* over the RECT, DISC and SPHERE lights; NULL: none */
     const uint32_t *shape_lights;  /* light of each box in shapes */
     hydra_isa isa;                 /* never AUTO */
+    hyi_vicinity vicinity;         /* of the tree that rays begin in, where that holds triangles */
 } hyi_accel;
 
 /* A tree and whose it is. */
@@ -9417,12 +9616,39 @@ HYI_INLINE float hyi_waiting_t(hyi_waiting waiting) {
     return t;
 }
 
+/* No less than all that waits and is entered up to t. Where that is negative, nothing is left out: boxes are, by themselves. */
+HYI_INLINE hyi_waiting hyi_waiting_limit(float t) { return hyi_has_sign(t) ? INT64_MAX : hyi_waiting_of(0xffffffffu, t); }
+
+/* Where children lie, nodes first, then leaves, and how far apart: found without a branch, which would be guessed wrong. */
+typedef struct hyi_ahead {
+    const char *base[2];
+    size_t stride[2];
+} hyi_ahead;
+
+HYI_INLINE hyi_ahead hyi_ahead_of(const hyi_bvh *bvh) {
+    hyi_ahead ahead;
+    ahead.base[0] = (const char *)bvh->nodes;
+    ahead.base[1] = (const char *)bvh->rows;
+    ahead.stride[0] = sizeof *bvh->nodes;
+    ahead.stride[1] = 9u * sizeof *bvh->rows;
+    return ahead;
+}
+
+/* Asks for a child: all of a node, and of a leaf as much. */
+HYI_INLINE void hyi_ask_for(const hyi_ahead *ahead, uint32_t child) {
+    uint32_t leaf = child >> 31;
+    const char *at = ahead->base[leaf] + (child & HYI_CHILD_SLOT) * ahead->stride[leaf];
+    for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
+}
+
 /* Of child first and those in mask (not empty), returns the nearest and puts the others on the stack, the
-   nearer the higher. */
-HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t first, uint32_t mask) {
+   nearer the higher. ahead: NULL or where memory is asked for all. */
+HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t first, uint32_t mask, const hyi_ahead *ahead) {
     hyi_waiting *base = *stack, *top = base, nearest = hyi_waiting_of(child[first], t[first]);
+    if (ahead) hyi_ask_for(ahead, child[first]);
     for (; mask; mask &= mask - 1u) {
         uint32_t c = hyi_lowest_bit(mask);
+        if (ahead) hyi_ask_for(ahead, child[c]);
         hyi_waiting other = hyi_waiting_of(child[c], t[c]), farther = other > nearest ? other : nearest;
         nearest = other > nearest ? nearest : other;
         hyi_waiting *place = top++;
@@ -9783,6 +10009,8 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
 #define HYI_MANY_CHILDREN 4u     /* met by the bounds of a packet, make it worth looking at each of its rays */
+#define HYI_VISITORS_LEAST 8u    /* packets that come to leaves wait until they are so many */
+#define HYI_VISITORS_MOST (HYI_VISITORS_LEAST + HYI_STREAM_PACKETS)
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
 #define HYI_PACKET_PROBE 18u     /* where packets had scattered, so many are made of a slice's first rays, to see whether they still do */
 /* Whether rays that any hit ends had better not go in packets: one that comes to more than twenty leaves, where a ray comes to two or three,
@@ -9795,6 +10023,19 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 /* So many rays of a list meet a leaf of so many triangles sooner abreast, one triangle after the other, than one by one. */
 #define HYI_ABREAST_LEAST(triangles) ((triangles) + 3u)
 
+/* Flights that few others go with wait, each with the leaf or the node that it has come to, until there are so many for one loop. */
+#define HYI_LEAVES_LEAST 8u
+#define HYI_LEAVES_ENOUGH 32u    /* leaves that nodes of such flights have found */
+#define HYI_LEAVES_OF_LIST 12u   /* more than go one by one of any list at a leaf */
+#define HYI_LEAVES_MOST (HYI_LEAVES_LEAST + HYI_WIDTH * HYI_LEAVES_OF_LIST)
+#define HYI_NODES_LEAST 32u
+#define HYI_NODES_ENOUGH 128u    /* the last goes first where more wait */
+#define HYI_NODES_OF_LIST 4u     /* lists that are no longer fall apart at a node */
+#define HYI_NODES_MOST (HYI_NODES_ENOUGH + HYI_WIDTH * (HYI_TREE_DEPTH + 2u)) /* seven wait on each level, and eight are stored at a time */
+HYI_STATIC_ASSERT(HYI_ABREAST_LEAST(HYI_LEAF_MAX) <= HYI_LEAVES_OF_LIST && HYI_NODES_LEAST + HYI_NODES_OF_LIST <= HYI_NODES_ENOUGH);
+HYI_STATIC_ASSERT(HYI_LEAVES_ENOUGH + 2u * HYI_WIDTH <= HYI_LEAVES_MOST);
+
+#define HYI_SIXTEENS_LEAST 48u   /* so many flights of a list meet a node in sixteens, where vectors have as many lanes */
 #define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
 #define HYI_LARGE_TREE ((size_t)96 << 20)
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
@@ -9804,6 +10045,9 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
    tree's size. */
 #define HYI_PACKET_SLOPES 0.6f
 #define HYI_PACKET_ORIGINS 0.02f
+
+/* Rays of two packets that go as a pair are off the middle of the first by slopes of no more than this. */
+#define HYI_PAIR_SLOPES 0.15f
 
 /* A word a lane; vectors of floats move them. */
 typedef union hyi_lane_words {
@@ -9816,7 +10060,7 @@ typedef union hyi_lane_words {
    of the others, with limits that nothing meets. */
 typedef struct hyi_packet {
     float origin[3][HYI_PACKET_WIDTH], direction[3][HYI_PACKET_WIDTH], shear[2][HYI_PACKET_WIDTH]; /* in the order of axis */
-    float inverse[3][HYI_PACKET_WIDTH]; /* likewise, of the direction kept from zero */
+    float inverse[3][HYI_PACKET_WIDTH], near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH]; /* by axis of space */
     float inverse_z[HYI_PACKET_WIDTH], t_near[HYI_PACKET_WIDTH], t_far[HYI_PACKET_WIDTH], t_min[HYI_PACKET_WIDTH];
     float best_t[HYI_PACKET_WIDTH], least_t[HYI_PACKET_WIDTH]; /* of the nearest hit that is worked out, and hyi_aim.least_t */
     double t_by_z[HYI_PACKET_WIDTH];
@@ -9825,12 +10069,12 @@ typedef struct hyi_packet {
     uint32_t waiting;                    /* bits of the lanes where that is certain, but not worked out */
     uint32_t ray[HYI_PACKET_WIDTH];      /* its number among the rays, or flights, that the packet is made of */
     float near_origin[3], far_origin[3], inverse_low[3], inverse_high[3];
-    float bound[3];                      /* of the error of each origin, by which slabs are thicker */
     float first_t, last_t;
     uint32_t spread;                     /* 1: they begin at different points, and bounds of all say little of each */
     uint32_t live, group;                /* bits of the lanes with a ray; what their directions have in common: see hyi_aim_group */
     float shear_middle[2], shear_half[2]; /* of all rays, and the most by which they are off it */
-    uint32_t unused[6];                 /* fills the last cache line: vectors of rays lie in one each */
+    uint32_t lead, mate;                 /* of a pair: who goes for both, with the bounds of both; of that one: the other, HYK_NONE: it goes alone */
+    uint32_t unused[7];                  /* fills the last cache line: vectors of rays lie in one each */
 } hyi_packet;
 HYI_STATIC_ASSERT(sizeof(hyi_packet) % 64u == 0);
 
@@ -9847,6 +10091,12 @@ typedef struct hyi_ray_stream {
     size_t list_count;
 } hyi_ray_stream;
 
+/* Packets that have come to leaves wait until there are enough for one loop, and what they read has come from memory. */
+typedef struct hyi_visitors {
+    uint32_t count, packets[HYI_VISITORS_MOST], leaves[HYI_VISITORS_MOST];
+    uint32_t rays[HYI_VISITORS_MOST]; /* bits of those that meet the box of the leaf */
+} hyi_visitors;
+
 /* Lists in one tree at one time. */
 typedef struct hyi_swarm {
     hyi_site site;
@@ -9855,6 +10105,7 @@ typedef struct hyi_swarm {
     const hyk_ray *rays; /* of packets; NULL: these are made of flights */
     hyi_flight *flights;
     hyi_packet *packets;
+    hyi_visitors *visitors; /* of packets; NULL: there are none */
     uint32_t near_plane[3], axis[3]; /* of all packets on a list */
     bool any;
 } hyi_swarm;
@@ -9864,14 +10115,35 @@ typedef struct hyi_frame {
     const hyi_node *node;
     uint32_t *lists, stride, count, hits; /* count: of all; hits: how often these met something nearer than before */
     uint32_t next, children, dealt[HYI_WIDTH], order[HYI_WIDTH];
+    float nearest[HYI_WIDTH]; /* where each child is entered first */
 } hyi_frame;
+
+/* Flights that wait, by their numbers, and what they have come to. */
+typedef struct hyi_waiters {
+    uint32_t at_leaves, leaf_rays[HYI_LEAVES_MOST], leaves[HYI_LEAVES_MOST];
+    float enter[HYI_LEAVES_MOST]; /* no flight of its list entered the leaf's box before */
+    uint32_t at_nodes, node_rays[HYI_NODES_MOST], nodes[HYI_NODES_MOST];
+} hyi_waiters;
 
 /* A list of flights on its way down a tree. */
 typedef struct hyi_journey {
     hyi_swarm swarm;
     uint32_t depth;
     hyi_frame frames[HYI_TREE_DEPTH];
+    hyi_waiters waiters;
 } hyi_journey;
+
+/* A flight waits at each of the children with bits in mask. */
+HYI_INLINE void hyi_wait_at_children(hyi_waiters *w, const hyi_node *node, uint32_t ray, uint32_t mask, const float enter[HYI_WIDTH]) {
+    for (; mask; mask &= mask - 1u) {
+        uint32_t c = hyi_lowest_bit(mask), child = node->child[c], leaf = child >> 31;
+        w->leaf_rays[w->at_leaves] = w->node_rays[w->at_nodes] = ray;
+        w->leaves[w->at_leaves] = w->nodes[w->at_nodes] = child;
+        w->enter[w->at_leaves] = enter[c];
+        w->at_leaves += leaf;
+        w->at_nodes += leaf ^ 1u;
+    }
+}
 
 /* What the first of a slice of rays have become: those that meet nothing are neither. */
 typedef struct hyi_begun {
@@ -9986,6 +10258,39 @@ HYI_NOINLINE float hyi_settle_lane(const hyi_packet *packet, const hyi_bvh *bvh,
     aim.unit = 1.0;
     aim.noise = 0.0f;
     return hyi_confirm(&aim, hyi_leaf_rows(bvh, leaf), hyi_leaf_count(leaf), triangle, -FLT_MAX, FLT_MAX, weights, n);
+}
+
+/* ---- packets in pairs: where boxes are met by bounds, those of two packets from one point are met as fast as those of one */
+
+/* Lets other, of the same group, go along with lead; false: they do not begin at one point, or are too different. */
+HYI_INLINE bool hyi_join_packets(hyi_packet *lead, const hyi_packet *other) {
+    bool apart = lead->spread || other->spread;
+    for (int a = 0; a < 2; a++) apart = apart || !(fabsf(lead->shear_middle[a] - other->shear_middle[a]) + other->shear_half[a] <= HYI_PAIR_SLOPES);
+    for (int a = 0; a < 3; a++) apart = apart || lead->near_origin[a] != other->near_origin[a];
+    if (apart) return false;
+    for (int a = 0; a < 3; a++) {
+        lead->inverse_low[a] = lead->inverse_low[a] < other->inverse_low[a] ? lead->inverse_low[a] : other->inverse_low[a];
+        lead->inverse_high[a] = lead->inverse_high[a] > other->inverse_high[a] ? lead->inverse_high[a] : other->inverse_high[a];
+    }
+    lead->first_t = lead->first_t < other->first_t ? lead->first_t : other->first_t;
+    lead->last_t = lead->last_t > other->last_t ? lead->last_t : other->last_t;
+    return true;
+}
+
+/* Makes pairs of neighbours on a list of packets of one group, which then has one number for both, or of none; returns how many it has. */
+HYI_INLINE uint32_t hyi_pair_packets(hyi_packet *packets, uint32_t *list, uint32_t count, bool pairs) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t first = list[i], second = i + 1u < count ? list[i + 1u] : HYK_NONE;
+        packets[first].lead = list[kept++] = first;
+        packets[first].mate = HYK_NONE;
+        if (!pairs || second == HYK_NONE || !hyi_join_packets(&packets[first], &packets[second])) continue;
+        packets[first].mate = second;
+        packets[second].lead = first;
+        packets[second].mate = HYK_NONE;
+        i++;
+    }
+    return kept;
 }
 
 /* ---- beginning */
@@ -10110,7 +10415,7 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 #define HYI_OR8(a, b) ((a) | (b))
 #define HYI_BITS8(m) (m)
 #define HYI_PIN8(a) hyi_pin8_scalar(a)
-#define HYI_FLIGHT_BEGIN(flight, bvh, ray) hyi_begin_any(flight, bvh, ray)
+#define HYI_FLIGHT_BEGIN(flight, accel, bvh, ray) hyi_begin_any(flight, bvh, ray)
 /* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
    HYI_PIN8 keeps values as rounded) */
 
@@ -10283,19 +10588,22 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 }
 
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
-   most of those are hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+   most of those are hit. false: there were none, and nothing has changed. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    if (!verdicts.possible) return false;
+    hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    return true;
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
    children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
-    hyi_waiting stack[HYI_STACK], *top = stack;
+    hyi_ahead ahead = hyi_ahead_of(site->bvh);
+    hyi_waiting stack[HYI_STACK], *top = stack, limit = hyi_waiting_limit(flight->aim.t_far);
     for (;;) {
         while (!hyi_child_is_leaf(at)) {
             const hyi_node *node = &nodes[at];
@@ -10306,21 +10614,18 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
-            hyi_waiting *waiting = top;
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
-            if (any) continue;
-            hyi_prefetch_child(site->bvh, at);
-            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
-        } else if (at != HYI_CHILD_NONE) {
-            HYI_I(hyi_decide_leaf)(site, flight, at);
+        } else if (at != HYI_CHILD_NONE && HYI_I(hyi_decide_leaf)(site, flight, at)) {
+            limit = hyi_waiting_limit(flight->aim.t_far);
         }
         do {
             if (top == stack) return;
             top--;
-        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        } while (*top > limit);
         at = (uint32_t)*top;
     }
 }
@@ -10344,7 +10649,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
@@ -10389,7 +10694,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
     if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
-        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        if (HYI_FLIGHT_BEGIN(&flight, accel, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
         else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
         hyi_tell(accel, &flight, site.normal, answers, i);
     }
@@ -10460,6 +10765,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
 #undef HYI_M8
 #undef HYI_MAD4
 #undef HYI_MAD8
+#undef HYI_MADW
 #undef HYI_MAX2
 #undef HYI_MAX4
 #undef HYI_MAX4_AS_INTS
@@ -10485,6 +10791,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
 #undef HYI_OR4
 #undef HYI_OR8
 #undef HYI_ORW
+#undef HYI_PAIRS
 #undef HYI_PIN2
 #undef HYI_PIN4
 #undef HYI_PIN8
@@ -10517,6 +10824,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
 #undef HYI_SUBW
 #undef HYI_TARGET
 #undef HYI_TURN4
+#undef HYI_WAIT_AT_CHILDREN
 #undef HYI_ZERO8
 #undef HYI_ZEROW
 
@@ -10623,6 +10931,11 @@ static const uint8_t hyi_front[256][8] = {
     {2,3,4,5,6,7,0,0}, {0,2,3,4,5,6,7,0}, {1,2,3,4,5,6,7,0}, {0,1,2,3,4,5,6,7},
 };
 
+/* Where those of eight items go whose bits are set, to stand first. */
+HYI_INLINE HYI_AVX2 __m256i hyi_front_places_avx2(uint32_t takes) {
+    return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)hyi_front[takes]));
+}
+
 /* Appends eight items to the lists of the children that their masks name. The items whose bit is set are moved to the
    front by a permutation from a table. */
 HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_masks8 *masks, uint32_t *lists, uint32_t stride, uint32_t dealt[8]) {
@@ -10631,10 +10944,23 @@ HYI_INLINE HYI_AVX2 void hyi_deal_out_avx2(const uint32_t *items, const hyi_mask
     for (int c = 7; c >= 0; c--) { /* the highest bit of each byte is the child's */
         uint32_t takes = (uint32_t)_mm_movemask_epi8(bits) & 0xffu;
         bits = _mm_add_epi8(bits, bits);
-        __m256i places = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)hyi_front[takes]));
-        _mm256_storeu_si256((__m256i *)(void *)(lists + (size_t)(uint32_t)c * stride + dealt[c]), _mm256_permutevar8x32_epi32(all, places));
+        _mm256_storeu_si256((__m256i *)(void *)(lists + (size_t)(uint32_t)c * stride + dealt[c]), _mm256_permutevar8x32_epi32(all, hyi_front_places_avx2(takes)));
         dealt[c] += (uint32_t)_mm_popcnt_u32(takes);
     }
+}
+
+/* hyi_wait_at_children, without a branch. */
+HYI_INLINE HYI_AVX2 void hyi_wait_at_children_avx2(hyi_waiters *w, const hyi_node *node, uint32_t ray, uint32_t mask, __m256 enter) {
+    __m256i child = _mm256_load_si256((const __m256i *)(const void *)node->child), rays = _mm256_set1_epi32((int)ray);
+    uint32_t leaves = mask & (uint32_t)_mm256_movemask_ps(_mm256_castsi256_ps(child)), nodes = mask ^ leaves;
+    __m256i to_leaves = hyi_front_places_avx2(leaves), to_nodes = hyi_front_places_avx2(nodes);
+    _mm256_storeu_si256((__m256i *)(void *)(w->leaves + w->at_leaves), _mm256_permutevar8x32_epi32(child, to_leaves));
+    _mm256_storeu_ps(w->enter + w->at_leaves, _mm256_permutevar8x32_ps(enter, to_leaves));
+    _mm256_storeu_si256((__m256i *)(void *)(w->leaf_rays + w->at_leaves), rays);
+    _mm256_storeu_si256((__m256i *)(void *)(w->nodes + w->at_nodes), _mm256_permutevar8x32_epi32(child, to_nodes));
+    _mm256_storeu_si256((__m256i *)(void *)(w->node_rays + w->at_nodes), rays);
+    w->at_leaves += (uint32_t)_mm_popcnt_u32(leaves);
+    w->at_nodes += (uint32_t)_mm_popcnt_u32(nodes);
 }
 
 /* hyi_ray_words: two times, two rays to a register, and two transpositions of four by four in two steps. */
@@ -10724,6 +11050,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_RECORDS(rows, words, out) HYI_I(hyi_records_four)(rows, words, out)
 #define HYI_LINES(rows, lines) hyi_lines_avx2(rows, lines)
 #define HYI_FOUR_WORDS(at, offset, rows) hyi_four_words_avx2(at, offset, rows)
+#define HYI_PAIRS false
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW __m256
@@ -10733,6 +11060,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_ZEROW() _mm256_setzero_ps()
 #define HYI_SUBW(a, b) _mm256_sub_ps(a, b)
 #define HYI_MULW(a, b) _mm256_mul_ps(a, b)
+#define HYI_MADW(a, b, c) _mm256_fmadd_ps(a, b, c)
 #define HYI_MINW(a, b) _mm256_min_ps(a, b)
 #define HYI_MAXW(a, b) _mm256_max_ps(a, b)
 #define HYI_MAXW_AS_INTS(a, b) HYI_MAX8_AS_INTS(a, b)
@@ -10746,6 +11074,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_PINW(a) hyi_pin8_avx2(a)
 #define HYI_GREATESTW(a) hyi_greatest_avx2(a)
 #define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
+#define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) hyi_wait_at_children_avx2(waiters, node, ray, HYI_BITS8(mask), enter)
 
 #define HYI_STOREW(p, a) _mm256_storeu_ps(p, a)
 #define HYI_ADDW(a, b) _mm256_add_ps(a, b)
@@ -10817,17 +11146,37 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_records_four)(float rows[HYI_RECORD_WORDS][
 /* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
    words: HYI_F4 is four floats) */
 
-/* hyi_aim_slabs for a tree of triangles. The fourth of what is loaded and stored belongs to what comes after it in bvh and in
-   aim: it is not used there, and overwritten here. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z) {
+/* hyi_slab_bound along each axis, and the noise of a tree of triangles, for a ray that begins away from it. The fourth of what is loaded
+   belongs to what comes after it in bvh: it is not used. */
+HYI_INLINE HYI_TARGET HYI_F4 HYI_I(hyi_bound_from_afar)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, uint32_t z) {
     const float *lower = bvh->scaled.lower, *upper = lower + 3;
     float reaches[4];
     HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
     HYI_STORE4(reaches, reach);
     aim->noise = HYI_SHEAR_NOISE * (reaches[0] + reaches[1] + reaches[2]);
-    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
-    bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
+    return HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o)));
+}
+
+/* The same for any ray; false: it begins so far away that its origin has to be moved. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_slabs)(hyi_aim *aim, const hyi_accel *accel, const hyi_bvh *bvh, HYI_F4 o, uint32_t z, HYI_F4 *bound) {
+    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu}; /* HYI_NEAR_BY; t_min is finite */
+    const hyi_vicinity *vicinity = &accel->vicinity;
+    if (!HYI_EXCEED4(HYI_SUB4(o, HYI_LOAD4(vicinity->middle)), vicinity->radius)) {
+        *bound = HYI_LOAD4(vicinity->bound);
+        aim->noise = vicinity->noise;
+        return true;
+    }
+    if (HYI_EXCEED4(o, near_by)) return false;
+    *bound = HYI_I(hyi_bound_from_afar)(aim, bvh, o, z);
+    return true;
+}
+
+/* hyi_aim_slabs, by their bound. What is stored as four takes the place of what comes after it in aim, which is written later. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, HYI_F4 o, HYI_F4 d, HYI_F4 bound) {
+    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
+    bound = HYI_SIGNED4(bound, d);
+    HYI_STORE_PLACES4(aim->near_plane, d);
     HYI_STORE4(aim->inverse, inverse);
     HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
     HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
@@ -10840,16 +11189,12 @@ HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
     return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
 }
 
-/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. What is stored as four takes the
-   place of what comes after it in aim, which is written later. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units, but for its slabs and noise. What
+   is stored as four takes the place of what comes after it in aim, which is written later. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_frame)(hyi_aim *aim, HYI_F4 o, HYI_F4 d, uint32_t z) {
     static const hyi_turn turns[3] = {{{1, 2, 0, 0}, {4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 0, 0, 0, 0}},
                                       {{2, 0, 1, 0}, {8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0}},
                                       {{0, 1, 2, 0}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 0, 0}}};
-    HYI_STORE_PLACES4(aim->near_plane, d);
-    HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
-    aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
-    aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
     HYI_STORE4(aim->origin, HYI_BYTES4(o, turns[z].bytes));
     memcpy(aim->axis, turns[z].axis, sizeof aim->axis);
     HYI_STORE4(aim->direction, HYI_BYTES4(d, turns[z].bytes));
@@ -10860,25 +11205,32 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
 }
 
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
-   or in a tree of boxes. Bits are looked at, which fast-math leaves alone: what is not a number has more than all. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
-    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu};  /* HYI_NEAR_BY; t_min is finite */
+   or in a tree of boxes. bvh: where the rays of accel begin. Bits are looked at, which fast-math leaves alone: what is not a number has
+   more than all. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_accel *accel, const hyi_bvh *bvh, const hyk_ray *ray) {
     static const uint32_t longest[4] = {0x4e800000u, 0x4e800000u, 0x4e800000u, 0x7f800000u};  /* HYI_LONGEST; t_max may be infinite */
     static const uint32_t shortest[4] = {0x30800000u, 0x30800000u, 0x30800000u, 0x7fffffffu}; /* HYI_SHORTEST */
     uint32_t direction[3];
     float t_min, t_max;
-    memcpy(direction, &ray->direction, sizeof direction);
+    memcpy(&direction[0], &ray->direction.x, sizeof direction[0]); /* one by one: together they would wait in memory */
+    memcpy(&direction[1], &ray->direction.y, sizeof direction[1]);
+    memcpy(&direction[2], &ray->direction.z, sizeof direction[2]);
     memcpy(&t_min, &ray->t_min, sizeof t_min);
     memcpy(&t_max, &ray->t_max, sizeof t_max);
-    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
+    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale), bound;
     float limit = hyi_finite_limit(t_max);
-    if ((HYI_EXCEED4(o, near_by) | HYI_EXCEED4(d, longest)) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
+    uint32_t z = HYI_I(hyi_largest_axis)(direction);
+    if (HYI_EXCEED4(d, longest) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
+    if (!HYI_I(hyi_bound_slabs)(&flight->aim, accel, bvh, o, z, &bound)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
-    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, HYI_I(hyi_largest_axis)(direction), t_min, limit);
+    HYI_I(hyi_aim_slabs)(&flight->aim, o, d, bound);
+    HYI_I(hyi_aim_frame)(&flight->aim, o, d, z);
+    flight->aim.t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
+    flight->aim.t_far = limit + 4.0f * HYI_ULP * fabsf(limit);
     return true;
 }
 
-#define HYI_FLIGHT_BEGIN(flight, bvh, ray) (HYI_I(hyi_begin_most)(flight, bvh, ray) || hyi_begin_any(flight, bvh, ray))
+#define HYI_FLIGHT_BEGIN(flight, accel, bvh, ray) (HYI_I(hyi_begin_most)(flight, accel, bvh, ray) || hyi_begin_any(flight, bvh, ray))
 /* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
    HYI_PIN8 keeps values as rounded) */
 
@@ -11051,19 +11403,22 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 }
 
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
-   most of those are hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+   most of those are hit. false: there were none, and nothing has changed. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    if (!verdicts.possible) return false;
+    hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    return true;
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
    children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
-    hyi_waiting stack[HYI_STACK], *top = stack;
+    hyi_ahead ahead = hyi_ahead_of(site->bvh);
+    hyi_waiting stack[HYI_STACK], *top = stack, limit = hyi_waiting_limit(flight->aim.t_far);
     for (;;) {
         while (!hyi_child_is_leaf(at)) {
             const hyi_node *node = &nodes[at];
@@ -11074,21 +11429,18 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
-            hyi_waiting *waiting = top;
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
-            if (any) continue;
-            hyi_prefetch_child(site->bvh, at);
-            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
-        } else if (at != HYI_CHILD_NONE) {
-            HYI_I(hyi_decide_leaf)(site, flight, at);
+        } else if (at != HYI_CHILD_NONE && HYI_I(hyi_decide_leaf)(site, flight, at)) {
+            limit = hyi_waiting_limit(flight->aim.t_far);
         }
         do {
             if (top == stack) return;
             top--;
-        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        } while (*top > limit);
         at = (uint32_t)*top;
     }
 }
@@ -11112,7 +11464,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
@@ -11157,7 +11509,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
     if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
-        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        if (HYI_FLIGHT_BEGIN(&flight, accel, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
         else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
         hyi_tell(accel, &flight, site.normal, answers, i);
     }
@@ -11194,12 +11546,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, cons
 /* Bits of the rays of a packet that meet the box of child c. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
     HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
-    for (int k = 0; k < 3; k++) {
-        uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
-        float slack = (near_row & HYI_WIDTH) ? p->bound[a] : -p->bound[a];
-        HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
-        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row)[c] + slack), origin), inverse));
-        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row ^ HYI_WIDTH)[c] - slack), origin), inverse));
+    for (int a = 0; a < 3; a++) {
+        HYI_FW inverse = HYI_LOADW(p->inverse[a]);
+        first = HYI_MAXW(first, HYI_MADW(HYI_SETW(hyi_planes_at(node, swarm->near_plane[a])[c]), inverse, HYI_LOADW(p->near_offset[a])));
+        last = HYI_MINW(last, HYI_MADW(HYI_SETW(hyi_planes_at(node, swarm->near_plane[a] ^ HYI_WIDTH)[c]), inverse, HYI_LOADW(p->far_offset[a])));
     }
     return HYI_BITSW(HYI_LEW(first, last));
 }
@@ -11653,56 +12003,81 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* Packets of a list some of whose rays meet the box of a leaf, and bits of these. */
-typedef struct HYI_I(hyi_visitors) {
-    uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
-    uint32_t count;
-} HYI_I(hyi_visitors);
-
-/* node, c: where the leaf hangs; NULL: nowhere. Without a branch: it would be taken by chance. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c,
-                                              HYI_I(hyi_visitors) *visitors) {
-    uint32_t kept = 0;
+/* Packets of a list, each of a pair by itself, some of whose rays meet the box of a leaf, begin to wait. node, c: where the leaf hangs;
+   NULL: nowhere. Without a branch on whether they do: it would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    hyi_visitors *visitors = swarm->visitors;
+    uint32_t waiting = visitors->count;
     for (uint32_t i = 0; i < count; i++) {
-        uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[list[i]], node, c) : HYI_ALLW;
-        visitors->packets[kept] = list[i];
-        visitors->rays[kept] = rays;
-        kept += rays ? 1u : 0u;
+        for (uint32_t p = list[i]; p != HYK_NONE; p = swarm->packets[p].mate) {
+            uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[p], node, c) : HYI_ALLW;
+            visitors->packets[waiting] = p;
+            visitors->rays[waiting] = rays;
+            visitors->leaves[waiting] = leaf;
+            waiting += rays ? 1u : 0u;
+            swarm->stream->leaf_visits++;
+        }
     }
-    visitors->count = kept;
+    visitors->count = waiting;
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
-                                                   const hyi_node *node, uint32_t c, bool any) {
-    HYI_I(hyi_visitors) visitors;
-    swarm->stream->leaf_visits += count;
-    HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
-    for (uint32_t i = 0; i < visitors.count; i++) {
-        hyi_packet *packet = &swarm->packets[visitors.packets[i]];
-        uint32_t mask = visitors.rays[i];
+/* How far a packet, or pair, still looks after a hit. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    hyi_packet *lead = &swarm->packets[packet->lead];
+    HYI_FW t_far = HYI_LOADW(lead->t_far);
+    if (lead->mate != HYK_NONE) t_far = HYI_MAXW(t_far, HYI_LOADW(swarm->packets[lead->mate].t_far));
+    lead->last_t = HYI_GREATESTW(t_far);
+}
+
+/* Packets that wait meet their leaves. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_admit)(const hyi_swarm *swarm, bool any) {
+    hyi_visitors *visitors = swarm->visitors;
+    for (uint32_t i = 0; i < visitors->count; i++) {
+        hyi_packet *packet = &swarm->packets[visitors->packets[i]];
+        uint32_t mask = visitors->rays[i], leaf = visitors->leaves[i];
         bool found = false;
         if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
             for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
         } else {
             found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
-        if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+        if (found) HYI_I(hyi_limit_packet)(swarm, packet);
     }
+    visitors->count = 0;
 }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_any)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, true);
-}
+HYI_FN HYI_TARGET void HYI_I(hyi_admit_any)(const hyi_swarm *swarm) { HYI_I(hyi_admit)(swarm, true); }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_closest)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, false);
+HYI_FN HYI_TARGET void HYI_I(hyi_admit_closest)(const hyi_swarm *swarm) { HYI_I(hyi_admit)(swarm, false); }
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_admit_all)(const hyi_swarm *swarm) {
+    if (swarm->any) HYI_I(hyi_admit_any)(swarm);
+    else HYI_I(hyi_admit_closest)(swarm);
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
-    else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
+    HYI_I(hyi_receive)(swarm, leaf, list, count, node, c);
+    if (swarm->visitors->count >= HYI_VISITORS_LEAST) HYI_I(hyi_admit_all)(swarm);
 }
 /* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
+
+/* Where slabs are met of which the origin is moved by bound, which has the direction's sign: see hyi_aim_slabs. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_offsets)(HYI_FW origin, HYI_FW bound, HYI_FW inverse, float *near_offset, float *far_offset) {
+    HYI_FW back = HYI_I(hyi_negative)(inverse);
+    HYI_STOREW(near_offset, HYI_MULW(HYI_ADDW(origin, bound), back));
+    HYI_STOREW(far_offset, HYI_MULW(HYI_SUBW(origin, bound), back));
+}
+
+/* The least and the greatest of all lanes, which are the same where these are coordinates of a camera. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_range)(const float lanes[HYI_PACKET_WIDTH], float *least, float *greatest) {
+    HYI_FW v = HYI_LOADW(lanes);
+    *least = *greatest = lanes[0];
+    if (HYI_BITSW(HYI_SAMEW(v, HYI_SETW(lanes[0]))) == HYI_ALLW) return;
+    *least = HYI_LEASTW(v);
+    *greatest = HYI_GREATESTW(v);
+}
 
 /* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
@@ -11717,8 +12092,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         if (!(greatest - least <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
-        low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
-        high[a] = HYI_GREATESTW(HYI_LOADW(o[a]));
+        HYI_I(hyi_range)(o[a], &low[a], &high[a]);
         extent = box->upper[a] - box->lower[a] > extent ? box->upper[a] - box->lower[a] : extent;
     }
     float below = hyi_reach(box, low[axis], (int)axis, false), above = hyi_reach(box, high[axis], (int)axis, false);
@@ -11730,10 +12104,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
         float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
         bool falls = (packet->group >> a & 1u) != 0u;
-        packet->bound[a] = bound;
         packet->near_origin[a] = falls ? low[a] - bound : high[a] + bound;
         packet->far_origin[a] = falls ? high[a] + bound : low[a] - bound;
-        HYI_STOREW(packet->inverse[a == (int)axis ? 2 : (a + 3 - (int)axis) % 3 - 1], HYI_LOADW(inverse[a]));
+        HYI_STOREW(packet->inverse[a], HYI_LOADW(inverse[a]));
+        HYI_I(hyi_store_offsets)(HYI_LOADW(o[a]), HYI_SETW(falls ? -bound : bound), HYI_LOADW(inverse[a]), packet->near_offset[a], packet->far_offset[a]);
         packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
         packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
     }
@@ -11750,8 +12124,6 @@ typedef struct HYI_I(hyi_block) {
     HYI_FW t_min, t_limit;
     HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
 } HYI_I(hyi_block);
-
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
 
 /* A whole number in all lanes: these are only moved, and chosen from. */
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
@@ -11959,11 +12331,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_SIZEW(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW v = block->origin[a], size = HYI_SIZEW(v);
         HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
         bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
-        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
-        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+        HYI_I(hyi_store_offsets)(v, bound, HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
     }
 }
 
@@ -12454,23 +12825,31 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, 
     return true;
 }
 
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_alone)(const hyi_swarm *swarm, hyi_flight *flight, uint32_t leaf) {
+    if (!swarm->site.asks_alpha && !flight->aim.exact) return HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any);
+    bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
+    if (found && swarm->any) hyi_flight_stop(flight);
+    return found;
+}
+
+/* Flights by their numbers, each at a leaf of its own. Returns how many had a hit. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &swarm->flights[list[i]];
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
-        if (swarm->site.asks_alpha || flight->aim.exact) {
-            bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
-            if (found && swarm->any) hyi_flight_stop(flight);
-            hits += found ? 1u : 0u;
-        } else {
-            hits += HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any) ? 1u : 0u;
-        }
+        hyi_prefetch_child(swarm->site.bvh, leaves[i + 3u < count ? i + 3u : i]);
+        hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }
     return hits;
 }
 
 /* ---- all */
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
+    for (uint32_t i = 0; i < count; i++) hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaf) ? 1u : 0u;
+    return hits;
+}
 
 /* Some flights, at most HYI_LANES. */
 HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
@@ -12479,15 +12858,21 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm,
     return swarm->any ? HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, true) : HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, false);
 }
 
-/* Returns how many rays of a list hit a triangle of a leaf. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
+/* Rays of a list meet a leaf abreast as long as there are enough; returns how many are left, the last of the list. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *hits) {
+    uint32_t enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
     for (; count >= enough || count >= HYI_LANES; list += HYI_LANES) {
         uint32_t some = count < HYI_LANES ? count : HYI_LANES;
-        hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
+        *hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
         count -= some;
     }
-    return hits + HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+    return count;
+}
+
+/* All of a list, where the leaf is all of the tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_whole)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0, left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &hits);
+    (void)HYI_I(hyi_offer_leaf_each)(swarm, leaf, list + (count - left), left);
 }
 /* ---- many rays (expanded once for each instruction set)
 
@@ -12538,7 +12923,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hy
 }
 
 /* The same of packets, which have their near planes in common. Those that seem to meet many children, and begin at different points,
-   are looked at by each ray afterwards: a branch in the midst of the others would be taken by chance. */
+   are looked at by each ray afterwards, as no pairs are: a branch in the midst of the others would be taken by chance. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                    uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_I(hyi_planes) planes;
@@ -12678,6 +13063,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
     uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
     if (bvh->rows) HYI_I(hyi_prefetch_children)(bvh, node, mask);
     uint32_t leaves = swarm->any ? HYI_I(hyi_leaves_of)(node) & mask : 0u;
+    memcpy(frame->nearest, nearest, sizeof nearest);
     for (uint32_t c = 0; leaves && c < HYI_WIDTH; c++) nearest[c] = leaves >> c & 1u ? -FLT_MAX : nearest[c];
     HYI_I(hyi_order_children)(nearest, frame->order);
     frame->children = hyi_count_bits(mask);
@@ -12699,6 +13085,87 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, c
     return false;
 }
 
+/* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_leaves)(const hyi_swarm *swarm, hyi_waiters *w) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < w->at_leaves; i++) {
+        uint32_t ray = w->leaf_rays[i], leaf = w->leaves[i];
+        w->leaf_rays[kept] = ray;
+        w->leaves[kept] = leaf;
+        kept += w->enter[i] <= swarm->flights[ray].aim.t_far ? 1u : 0u;
+    }
+    w->at_leaves = 0;
+    return HYI_I(hyi_offer_leaves_each)(swarm, w->leaves, w->leaf_rays, kept);
+}
+
+/* Words without compression: HYI_WAIT_AT_CHILDREN. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_wait_at_each)(hyi_waiters *w, const hyi_node *node, uint32_t ray, HYI_M8 mask, HYI_F8 enter) {
+    float t[HYI_WIDTH];
+    HYI_STORE8(t, enter);
+    hyi_wait_at_children(w, node, ray, HYI_BITS8(mask), t);
+}
+
+/* Flights meet the nodes that they wait at, and all that comes after: the first of those that wait goes first, so that its node has time
+   to come from memory, and nothing is guessed. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hyi_waiters *w) {
+    const hyi_bvh *bvh = swarm->site.bvh;
+    uint32_t next = 0, hits = 0;
+    while (next < w->at_nodes) {
+        uint32_t i = w->at_nodes <= HYI_NODES_ENOUGH ? next++ : --w->at_nodes, ahead = next + 3u < w->at_nodes ? next + 3u : i;
+        const hyi_node *node = &bvh->nodes[w->nodes[i]];
+        const hyi_aim *aim = &swarm->flights[w->node_rays[i]].aim;
+        HYI_I(hyi_planes) planes;
+        HYI_F8 enter;
+        hyi_prefetch_child(bvh, w->nodes[ahead]);
+        hyi_prefetch(&swarm->flights[w->node_rays[ahead]]);
+        HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
+        HYI_M8 mask = HYI_I(hyi_meet_boxes)(aim, planes.near_planes, planes.far_planes, &enter, false);
+        HYI_WAIT_AT_CHILDREN(w, node, w->node_rays[i], mask, enter);
+        if (w->at_leaves >= HYI_LEAVES_ENOUGH) hits += HYI_I(hyi_run_leaves)(swarm, w);
+    }
+    w->at_nodes = 0;
+    return hits;
+}
+
+/* Flights that wait go on where there are enough of them. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_waiters)(hyi_journey *journey, uint32_t nodes, uint32_t leaves) {
+    uint32_t hits = 0;
+    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(&journey->swarm, &journey->waiters);
+    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(&journey->swarm, &journey->waiters);
+    return hits;
+}
+
+/* Sends short lists on, flight by flight. Copied without a branch on how many they are, which would be taken by chance. */
+HYI_INLINE void HYI_I(hyi_wait_at_node)(hyi_waiters *w, uint32_t at, const uint32_t *list, uint32_t count) {
+    memcpy(w->node_rays + w->at_nodes, list, HYI_NODES_OF_LIST * sizeof *list);
+    for (uint32_t i = 0; i < HYI_NODES_OF_LIST; i++) w->nodes[w->at_nodes + i] = at;
+    w->at_nodes += count;
+}
+
+/* The same at a leaf: as many as are too few to meet it abreast. */
+HYI_INLINE void HYI_I(hyi_wait_at_leaf)(hyi_waiters *w, uint32_t leaf, float enter, const uint32_t *list, uint32_t count) {
+    memcpy(w->leaf_rays + w->at_leaves, list, HYI_LEAVES_OF_LIST * sizeof *list);
+    for (uint32_t i = 0; i < HYI_LEAVES_OF_LIST; i++) {
+        w->leaves[w->at_leaves + i] = leaf;
+        w->enter[w->at_leaves + i] = enter;
+    }
+    w->at_leaves += count;
+}
+
+/* Offers the leaves that come next among a frame's children to their lists. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
+    const hyi_swarm *swarm = &journey->swarm;
+    bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
+    for (; frame->next < frame->children; frame->next++) {
+        uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
+        if (!hyi_child_is_leaf(leaf)) break;
+        if (cull && count >= HYI_ABREAST_LEAST(hyi_leaf_count(leaf))) count = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, count);
+        uint32_t left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &frame->hits);
+        HYI_I(hyi_wait_at_leaf)(&journey->waiters, leaf, frame->nearest[c], list + (count - left), left);
+    }
+    frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
+}
+
 /* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
     const hyi_swarm *swarm = &journey->swarm;
@@ -12708,14 +13175,18 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
             if (--journey->depth) frame[-1].hits += frame->hits;
             continue;
         }
-        uint32_t c = frame->order[frame->next++], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-        if (!swarm->site.bvh->rows || !hyi_child_is_leaf(at)) {
-            if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+            HYI_I(hyi_list_leaves)(journey, frame);
             continue;
         }
-        uint32_t some = frame->dealt[c];
-        if (HYI_CULL_SHARE * frame->hits >= frame->count) some = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, some);
-        frame->hits += HYI_I(hyi_list_leaf_rays)(swarm, at, list, some);
+        frame->next++;
+        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+            continue;
+        }
+        if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
     }
     return false;
 }
@@ -12737,22 +13208,33 @@ HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t 
         uint32_t first = k * share, some = count - first < share ? count - first : share;
         journeys[k].swarm = *swarm;
         journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = 0;
+        journeys[k].depth = journeys[k].waiters.at_leaves = journeys[k].waiters.at_nodes = 0;
         going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
     }
     while (going)
         for (uint32_t k = 0; k < parts; k++)
             if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
+    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_run_waiters)(&journeys[k], 0, 0);
 }
 
 /* The same, of any tree. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_send)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
     uint32_t root = swarm->site.bvh->root;
-    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) (void)HYI_I(hyi_list_leaf_rays)(swarm, root, list, count);
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) HYI_I(hyi_list_leaf_whole)(swarm, root, list, count);
     else HYI_I(hyi_travel)(swarm, list, count, space);
 }
 
 /* ---- all rays of a slice */
+
+/* A list of packets of one group goes through the tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_send_packets)(hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_visitors visitors;
+    visitors.count = 0;
+    swarm->visitors = &visitors;
+    HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, list, count, space);
+    HYI_I(hyi_admit_all)(swarm);
+    swarm->visitors = NULL;
+}
 
 /* Sends count packets on their way, those of a group together. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, uint32_t *space) {
@@ -12763,7 +13245,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, 
     for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
         if (first[g + 1] == first[g]) continue;
         hyi_set_group(swarm, g);
-        HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room);
+        uint32_t some = hyi_pair_packets(swarm->packets, order + first[g], first[g + 1] - first[g], HYI_PAIRS);
+        HYI_I(hyi_send_packets)(swarm, order + first[g], some, space + room);
     }
 }
 
@@ -12777,7 +13260,8 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
         if (made < swarm->stream->packet_share && first + some < count) continue;
         for (uint32_t i = 0; i < made; i++) space[i] = i;
-        if (made) HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u));
+        uint32_t going = hyi_pair_packets(swarm->packets, space, made, HYI_PAIRS);
+        if (going) HYI_I(hyi_send_packets)(swarm, space, going, space + ((made + 15u) & ~15u));
         for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
         made = 0;
     }
@@ -12912,6 +13396,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_M8
 #undef HYI_MAD4
 #undef HYI_MAD8
+#undef HYI_MADW
 #undef HYI_MAX2
 #undef HYI_MAX4
 #undef HYI_MAX4_AS_INTS
@@ -12937,6 +13422,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_OR4
 #undef HYI_OR8
 #undef HYI_ORW
+#undef HYI_PAIRS
 #undef HYI_PIN2
 #undef HYI_PIN4
 #undef HYI_PIN8
@@ -12969,6 +13455,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SUBW
 #undef HYI_TARGET
 #undef HYI_TURN4
+#undef HYI_WAIT_AT_CHILDREN
 #undef HYI_ZERO8
 #undef HYI_ZEROW
 
@@ -13058,30 +13545,59 @@ HYI_INLINE HYI_AVX512 void hyi_deal_out_avx512(const uint32_t *items, const hyi_
     }
 }
 
-/* ---- eight flights side by side at a node
+/* Four successive words of each of sixteen rays, as rows of one word of all: four by four in each quarter. */
+HYI_INLINE HYI_AVX512 void hyi_four_words_avx512(const char *const at[16], size_t offset, __m512 rows[4]) {
+    __m512 a[4];
+    for (uint32_t k = 0; k < 4u; k++) {
+        a[k] = _mm512_castps128_ps512(_mm_loadu_ps((const float *)(const void *)(at[k] + offset)));
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[4u + k] + offset)), 1);
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[8u + k] + offset)), 2);
+        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[12u + k] + offset)), 3);
+    }
+    __m512 low01 = _mm512_unpacklo_ps(a[0], a[1]), high01 = _mm512_unpackhi_ps(a[0], a[1]);
+    __m512 low23 = _mm512_unpacklo_ps(a[2], a[3]), high23 = _mm512_unpackhi_ps(a[2], a[3]);
+    rows[0] = _mm512_shuffle_ps(low01, low23, 0x44);
+    rows[1] = _mm512_shuffle_ps(low01, low23, 0xee);
+    rows[2] = _mm512_shuffle_ps(high01, high23, 0x44);
+    rows[3] = _mm512_shuffle_ps(high01, high23, 0xee);
+}
 
-   What else meets the boxes of a node ray by ray, eight boxes at a time, meets them here box by box, eight rays at a time: planes
-   are broadcast instead of rays, of which there are more, and who enters a child is known in the order of the list. With vectors of
-   sixteen the processor's clock fell by a tenth; without masks for a choice between planes there is nothing to gain. */
+/* ---- flights side by side at a node
 
-/* hyi_aim of eight flights from inverse to inverse_z; where each component of the direction is negative. */
-typedef struct hyi_slabs_avx512 {
+   What else meets the boxes of a node ray by ray, eight boxes at a time, meets them here box by box, sixteen or eight rays at a time:
+   planes are broadcast instead of rays, of which there are more, and who enters a child is known in the order of the list. Without
+   masks for a choice between planes there is nothing to gain. */
+
+/* hyi_aim of flights from inverse to inverse_z; where each component of the direction is negative. */
+typedef struct hyi_slabs8_avx512 {
     __m256 words[12];
     __mmask8 falls[3];
-} hyi_slabs_avx512;
+} hyi_slabs8_avx512;
+
+typedef struct hyi_slabs16_avx512 {
+    __m512 words[12];
+    __mmask16 falls[3];
+} hyi_slabs16_avx512;
 
 HYI_STATIC_ASSERT(offsetof(hyi_aim, near_offset) - offsetof(hyi_aim, inverse) == 12 && offsetof(hyi_aim, far_offset) - offsetof(hyi_aim, inverse) == 24 &&
                   offsetof(hyi_aim, t_near) - offsetof(hyi_aim, inverse) == 36 && offsetof(hyi_aim, t_far) - offsetof(hyi_aim, inverse) == 40);
 
-HYI_INLINE HYI_AVX512 void hyi_load_slabs_avx512(const hyi_flight *flights, const uint32_t list[8], hyi_slabs_avx512 *s) {
+HYI_INLINE HYI_AVX512 void hyi_load_slabs8_avx512(const hyi_flight *flights, const uint32_t list[8], hyi_slabs8_avx512 *s) {
     const char *at[8];
     for (uint32_t i = 0; i < 8u; i++) at[i] = (const char *)flights[list[i]].aim.inverse;
     for (uint32_t word = 0; word < 12u; word += 4u) hyi_four_words_avx2(at, 4u * word, s->words + word);
     for (int a = 0; a < 3; a++) s->falls[a] = _mm256_movepi32_mask(_mm256_castps_si256(s->words[a]));
 }
 
+HYI_INLINE HYI_AVX512 void hyi_load_slabs16_avx512(const hyi_flight *flights, const uint32_t list[16], hyi_slabs16_avx512 *s) {
+    const char *at[16];
+    for (uint32_t i = 0; i < 16u; i++) at[i] = (const char *)flights[list[i]].aim.inverse;
+    for (uint32_t word = 0; word < 12u; word += 4u) hyi_four_words_avx512(at, 4u * word, s->words + word);
+    for (int a = 0; a < 3; a++) s->falls[a] = _mm512_movepi32_mask(_mm512_castps_si512(s->words[a]));
+}
+
 /* Who meets the box of child c, and where: hyi_meet_boxes. */
-HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child_avx512(const hyi_slabs_avx512 *s, const hyi_node *node, uint32_t c, __m256 *enter) {
+HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child8_avx512(const hyi_slabs8_avx512 *s, const hyi_node *node, uint32_t c, __m256 *enter) {
     const __m256 *inverse = s->words, *near_offset = inverse + 3, *far_offset = inverse + 6;
     __m256 first = s->words[9], last = s->words[10];
     for (int a = 0; a < 3; a++) {
@@ -13094,12 +13610,48 @@ HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child_avx512(const hyi_slabs_avx512 *s, 
     return _mm256_cmp_ps_mask(first, last, _CMP_LE_OQ);
 }
 
+HYI_INLINE HYI_AVX512 __mmask16 hyi_meet_child16_avx512(const hyi_slabs16_avx512 *s, const hyi_node *node, uint32_t c, __m512 *enter) {
+    const __m512 *inverse = s->words, *near_offset = inverse + 3, *far_offset = inverse + 6;
+    __m512 first = s->words[9], last = s->words[10];
+    for (int a = 0; a < 3; a++) {
+        __m512 lower = _mm512_set1_ps(node->planes[2 * a][c]), upper = _mm512_set1_ps(node->planes[2 * a + 1][c]);
+        __m512 near_plane = _mm512_mask_blend_ps(s->falls[a], lower, upper), far_plane = _mm512_mask_blend_ps(s->falls[a], upper, lower);
+        first = _mm512_max_ps(first, _mm512_fmadd_ps(near_plane, inverse[a], near_offset[a]));
+        last = _mm512_min_ps(last, _mm512_fmadd_ps(far_plane, inverse[a], far_offset[a]));
+    }
+    *enter = first;
+    return _mm512_cmp_ps_mask(first, last, _CMP_LE_OQ);
+}
+
 /* The least of each. */
 HYI_INLINE HYI_AVX512 __m256 hyi_least_of_each_avx512(const __m256 v[8]) {
     __m256 a[4], b[2];
     for (int i = 0; i < 4; i++) a[i] = _mm256_min_ps(_mm256_unpacklo_ps(v[2 * i], v[2 * i + 1]), _mm256_unpackhi_ps(v[2 * i], v[2 * i + 1]));
     for (int i = 0; i < 2; i++) b[i] = _mm256_min_ps(_mm256_shuffle_ps(a[2 * i], a[2 * i + 1], 0x44), _mm256_shuffle_ps(a[2 * i], a[2 * i + 1], 0xee));
     return _mm256_min_ps(_mm256_permute2f128_ps(b[0], b[1], 0x20), _mm256_permute2f128_ps(b[0], b[1], 0x31));
+}
+
+/* Deals out a list of flights as far as it makes blocks of sixteen, and returns how far; least: of each child, where rays enter it. */
+HYI_INLINE HYI_AVX512 uint32_t hyi_deal_sixteens_avx512(const hyi_flight *flights, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                                        uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH]) {
+    __m512 enters[HYI_WIDTH];
+    uint32_t first = 0;
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) enters[c] = _mm512_set1_ps(FLT_MAX);
+    for (; first + 16u <= count; first += 16u) {
+        hyi_slabs16_avx512 slabs;
+        __m512i items = _mm512_loadu_si512(list + first);
+        hyi_load_slabs16_avx512(flights, list + first, &slabs);
+        HYI_UNROLL_8
+        for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+            __m512 enter;
+            __mmask16 takes = hyi_meet_child16_avx512(&slabs, node, c, &enter);
+            enters[c] = _mm512_mask_min_ps(enters[c], takes, enters[c], enter);
+            _mm512_storeu_si512(lists + (size_t)c * stride + dealt[c], _mm512_maskz_compress_epi32(takes, items));
+            dealt[c] += (uint32_t)_mm_popcnt_u32(hyi_bits16_avx512(takes));
+        }
+    }
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) least[c] = _mm256_min_ps(_mm512_castps512_ps256(enters[c]), _mm512_extractf32x8_ps(enters[c], 1));
+    return first;
 }
 
 /* Deals out a list of flights as far as it makes blocks of eight, and returns how far; nearest: as hyi_deal_rays has it. */
@@ -13109,14 +13661,15 @@ HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_flight *flights,
     uint32_t first = 0;
     if (count < 8u) return 0;
     for (uint32_t c = 0; c < HYI_WIDTH; c++) least[c] = *nearest;
+    if (count >= HYI_SIXTEENS_LEAST) first = hyi_deal_sixteens_avx512(flights, node, list, count, lists, stride, dealt, least);
     for (; first + 8u <= count; first += 8u) {
-        hyi_slabs_avx512 slabs;
+        hyi_slabs8_avx512 slabs;
         __m256i items = _mm256_loadu_si256((const __m256i *)(const void *)(list + first));
-        hyi_load_slabs_avx512(flights, list + first, &slabs);
+        hyi_load_slabs8_avx512(flights, list + first, &slabs);
         HYI_UNROLL_8
         for (uint32_t c = 0; c < HYI_WIDTH; c++) {
             __m256 enter;
-            __mmask8 takes = hyi_meet_child_avx512(&slabs, node, c, &enter);
+            __mmask8 takes = hyi_meet_child8_avx512(&slabs, node, c, &enter);
             least[c] = _mm256_mask_min_ps(least[c], takes, least[c], enter);
             hyi_append_avx512(lists + (size_t)c * stride + dealt[c], items, takes);
             dealt[c] += (uint32_t)_mm_popcnt_u32(hyi_bits8_avx512(takes));
@@ -13124,6 +13677,19 @@ HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_flight *flights,
     }
     *nearest = hyi_least_of_each_avx512(least);
     return first;
+}
+
+/* hyi_wait_at_children, without a branch. */
+HYI_INLINE HYI_AVX512 void hyi_wait_at_children_avx512(hyi_waiters *w, const hyi_node *node, uint32_t ray, __mmask8 mask, __m256 enter) {
+    __m256i child = _mm256_load_si256((const __m256i *)(const void *)node->child), rays = _mm256_set1_epi32((int)ray);
+    __mmask8 leaves = (__mmask8)(mask & _mm256_movepi32_mask(child)), nodes = (__mmask8)(mask ^ leaves);
+    hyi_append_avx512(w->leaves + w->at_leaves, child, leaves);
+    _mm256_storeu_ps(w->enter + w->at_leaves, _mm256_maskz_compress_ps(leaves, enter));
+    _mm256_storeu_si256((__m256i *)(void *)(w->leaf_rays + w->at_leaves), rays);
+    hyi_append_avx512(w->nodes + w->at_nodes, child, nodes);
+    _mm256_storeu_si256((__m256i *)(void *)(w->node_rays + w->at_nodes), rays);
+    w->at_leaves += (uint32_t)_mm_popcnt_u32(hyi_bits8_avx512(leaves));
+    w->at_nodes += (uint32_t)_mm_popcnt_u32(hyi_bits8_avx512(nodes));
 }
 
 /* hyi_ray_words: two rays to a register, in such pairs that the last of three steps brings them into their order. */
@@ -13146,23 +13712,6 @@ HYI_INLINE HYI_AVX512 void hyi_ray_words_avx512(const hyk_ray *rays, float words
         _mm512_storeu_ps(words[k], _mm512_castpd_ps(_mm512_shuffle_f64x2(halves[0][k], halves[1][k], 0x88)));
         _mm512_storeu_ps(words[4u + k], _mm512_castpd_ps(_mm512_shuffle_f64x2(halves[0][k], halves[1][k], 0xdd)));
     }
-}
-
-/* Four successive words of each of sixteen rays, as rows of one word of all: four by four in each quarter. */
-HYI_INLINE HYI_AVX512 void hyi_four_words_avx512(const char *const at[16], size_t offset, __m512 rows[4]) {
-    __m512 a[4];
-    for (uint32_t k = 0; k < 4u; k++) {
-        a[k] = _mm512_castps128_ps512(_mm_loadu_ps((const float *)(const void *)(at[k] + offset)));
-        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[4u + k] + offset)), 1);
-        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[8u + k] + offset)), 2);
-        a[k] = _mm512_insertf32x4(a[k], _mm_loadu_ps((const float *)(const void *)(at[12u + k] + offset)), 3);
-    }
-    __m512 low01 = _mm512_unpacklo_ps(a[0], a[1]), high01 = _mm512_unpackhi_ps(a[0], a[1]);
-    __m512 low23 = _mm512_unpacklo_ps(a[2], a[3]), high23 = _mm512_unpackhi_ps(a[2], a[3]);
-    rows[0] = _mm512_shuffle_ps(low01, low23, 0x44);
-    rows[1] = _mm512_shuffle_ps(low01, low23, 0xee);
-    rows[2] = _mm512_shuffle_ps(high01, high23, 0x44);
-    rows[3] = _mm512_shuffle_ps(high01, high23, 0xee);
 }
 
 /* hyi_lines: a transposition in four steps. */
@@ -13260,6 +13809,7 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_BITS8(m) hyi_bits8_avx512(m)
 #define HYI_MIN8_WHERE(a, m, b) _mm256_mask_min_ps(a, m, a, b)
 #define HYI_PIN8(a) hyi_pin8_avx512(a)
+#define HYI_PAIRS true
 #define HYI_LANES 16u
 #define HYI_ALLW 0xffffu
 #define HYI_FW __m512
@@ -13269,6 +13819,7 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_ZEROW() _mm512_setzero_ps()
 #define HYI_SUBW(a, b) _mm512_sub_ps(a, b)
 #define HYI_MULW(a, b) _mm512_mul_ps(a, b)
+#define HYI_MADW(a, b, c) _mm512_fmadd_ps(a, b, c)
 #define HYI_MINW(a, b) _mm512_min_ps(a, b)
 #define HYI_MAXW(a, b) _mm512_max_ps(a, b)
 #define HYI_MAXW_AS_INTS(a, b) _mm512_castsi512_ps(_mm512_max_epi32(_mm512_castps_si512(a), _mm512_castps_si512(b)))
@@ -13283,6 +13834,7 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_GREATESTW(a) _mm512_reduce_max_ps(a)
 #define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) \
     hyi_deal_blocks_avx512(flights, node, list, count, lists, stride, dealt, nearest)
+#define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) hyi_wait_at_children_avx512(waiters, node, ray, mask, enter)
 
 #define HYI_STOREW(p, a) _mm512_storeu_ps(p, a)
 #define HYI_ADDW(a, b) _mm512_add_ps(a, b)
@@ -13354,17 +13906,37 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_records_four)(float rows[HYI_RECORD_WORDS][
 /* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
    words: HYI_F4 is four floats) */
 
-/* hyi_aim_slabs for a tree of triangles. The fourth of what is loaded and stored belongs to what comes after it in bvh and in
-   aim: it is not used there, and overwritten here. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z) {
+/* hyi_slab_bound along each axis, and the noise of a tree of triangles, for a ray that begins away from it. The fourth of what is loaded
+   belongs to what comes after it in bvh: it is not used. */
+HYI_INLINE HYI_TARGET HYI_F4 HYI_I(hyi_bound_from_afar)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, uint32_t z) {
     const float *lower = bvh->scaled.lower, *upper = lower + 3;
     float reaches[4];
     HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
     HYI_STORE4(reaches, reach);
     aim->noise = HYI_SHEAR_NOISE * (reaches[0] + reaches[1] + reaches[2]);
-    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
-    bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
+    return HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o)));
+}
+
+/* The same for any ray; false: it begins so far away that its origin has to be moved. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_slabs)(hyi_aim *aim, const hyi_accel *accel, const hyi_bvh *bvh, HYI_F4 o, uint32_t z, HYI_F4 *bound) {
+    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu}; /* HYI_NEAR_BY; t_min is finite */
+    const hyi_vicinity *vicinity = &accel->vicinity;
+    if (!HYI_EXCEED4(HYI_SUB4(o, HYI_LOAD4(vicinity->middle)), vicinity->radius)) {
+        *bound = HYI_LOAD4(vicinity->bound);
+        aim->noise = vicinity->noise;
+        return true;
+    }
+    if (HYI_EXCEED4(o, near_by)) return false;
+    *bound = HYI_I(hyi_bound_from_afar)(aim, bvh, o, z);
+    return true;
+}
+
+/* hyi_aim_slabs, by their bound. What is stored as four takes the place of what comes after it in aim, which is written later. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, HYI_F4 o, HYI_F4 d, HYI_F4 bound) {
+    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
+    bound = HYI_SIGNED4(bound, d);
+    HYI_STORE_PLACES4(aim->near_plane, d);
     HYI_STORE4(aim->inverse, inverse);
     HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
     HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
@@ -13377,16 +13949,12 @@ HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
     return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
 }
 
-/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. What is stored as four takes the
-   place of what comes after it in aim, which is written later. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units, but for its slabs and noise. What
+   is stored as four takes the place of what comes after it in aim, which is written later. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_frame)(hyi_aim *aim, HYI_F4 o, HYI_F4 d, uint32_t z) {
     static const hyi_turn turns[3] = {{{1, 2, 0, 0}, {4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 0, 0, 0, 0}},
                                       {{2, 0, 1, 0}, {8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0}},
                                       {{0, 1, 2, 0}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 0, 0}}};
-    HYI_STORE_PLACES4(aim->near_plane, d);
-    HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
-    aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
-    aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
     HYI_STORE4(aim->origin, HYI_BYTES4(o, turns[z].bytes));
     memcpy(aim->axis, turns[z].axis, sizeof aim->axis);
     HYI_STORE4(aim->direction, HYI_BYTES4(d, turns[z].bytes));
@@ -13397,25 +13965,32 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
 }
 
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
-   or in a tree of boxes. Bits are looked at, which fast-math leaves alone: what is not a number has more than all. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
-    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu};  /* HYI_NEAR_BY; t_min is finite */
+   or in a tree of boxes. bvh: where the rays of accel begin. Bits are looked at, which fast-math leaves alone: what is not a number has
+   more than all. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_accel *accel, const hyi_bvh *bvh, const hyk_ray *ray) {
     static const uint32_t longest[4] = {0x4e800000u, 0x4e800000u, 0x4e800000u, 0x7f800000u};  /* HYI_LONGEST; t_max may be infinite */
     static const uint32_t shortest[4] = {0x30800000u, 0x30800000u, 0x30800000u, 0x7fffffffu}; /* HYI_SHORTEST */
     uint32_t direction[3];
     float t_min, t_max;
-    memcpy(direction, &ray->direction, sizeof direction);
+    memcpy(&direction[0], &ray->direction.x, sizeof direction[0]); /* one by one: together they would wait in memory */
+    memcpy(&direction[1], &ray->direction.y, sizeof direction[1]);
+    memcpy(&direction[2], &ray->direction.z, sizeof direction[2]);
     memcpy(&t_min, &ray->t_min, sizeof t_min);
     memcpy(&t_max, &ray->t_max, sizeof t_max);
-    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
+    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale), bound;
     float limit = hyi_finite_limit(t_max);
-    if ((HYI_EXCEED4(o, near_by) | HYI_EXCEED4(d, longest)) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
+    uint32_t z = HYI_I(hyi_largest_axis)(direction);
+    if (HYI_EXCEED4(d, longest) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
+    if (!HYI_I(hyi_bound_slabs)(&flight->aim, accel, bvh, o, z, &bound)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
-    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, HYI_I(hyi_largest_axis)(direction), t_min, limit);
+    HYI_I(hyi_aim_slabs)(&flight->aim, o, d, bound);
+    HYI_I(hyi_aim_frame)(&flight->aim, o, d, z);
+    flight->aim.t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
+    flight->aim.t_far = limit + 4.0f * HYI_ULP * fabsf(limit);
     return true;
 }
 
-#define HYI_FLIGHT_BEGIN(flight, bvh, ray) (HYI_I(hyi_begin_most)(flight, bvh, ray) || hyi_begin_any(flight, bvh, ray))
+#define HYI_FLIGHT_BEGIN(flight, accel, bvh, ray) (HYI_I(hyi_begin_most)(flight, accel, bvh, ray) || hyi_begin_any(flight, bvh, ray))
 /* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
    HYI_PIN8 keeps values as rounded) */
 
@@ -13588,19 +14163,22 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 }
 
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
-   most of those are hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+   most of those are hit. false: there were none, and nothing has changed. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    if (!verdicts.possible) return false;
+    hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    return true;
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
    children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
-    hyi_waiting stack[HYI_STACK], *top = stack;
+    hyi_ahead ahead = hyi_ahead_of(site->bvh);
+    hyi_waiting stack[HYI_STACK], *top = stack, limit = hyi_waiting_limit(flight->aim.t_far);
     for (;;) {
         while (!hyi_child_is_leaf(at)) {
             const hyi_node *node = &nodes[at];
@@ -13611,21 +14189,18 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
-            hyi_waiting *waiting = top;
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
-            if (any) continue;
-            hyi_prefetch_child(site->bvh, at);
-            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
-        } else if (at != HYI_CHILD_NONE) {
-            HYI_I(hyi_decide_leaf)(site, flight, at);
+        } else if (at != HYI_CHILD_NONE && HYI_I(hyi_decide_leaf)(site, flight, at)) {
+            limit = hyi_waiting_limit(flight->aim.t_far);
         }
         do {
             if (top == stack) return;
             top--;
-        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        } while (*top > limit);
         at = (uint32_t)*top;
     }
 }
@@ -13649,7 +14224,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
@@ -13694,7 +14269,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
     if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
-        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        if (HYI_FLIGHT_BEGIN(&flight, accel, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
         else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
         hyi_tell(accel, &flight, site.normal, answers, i);
     }
@@ -13731,12 +14306,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, cons
 /* Bits of the rays of a packet that meet the box of child c. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
     HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
-    for (int k = 0; k < 3; k++) {
-        uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
-        float slack = (near_row & HYI_WIDTH) ? p->bound[a] : -p->bound[a];
-        HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
-        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row)[c] + slack), origin), inverse));
-        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row ^ HYI_WIDTH)[c] - slack), origin), inverse));
+    for (int a = 0; a < 3; a++) {
+        HYI_FW inverse = HYI_LOADW(p->inverse[a]);
+        first = HYI_MAXW(first, HYI_MADW(HYI_SETW(hyi_planes_at(node, swarm->near_plane[a])[c]), inverse, HYI_LOADW(p->near_offset[a])));
+        last = HYI_MINW(last, HYI_MADW(HYI_SETW(hyi_planes_at(node, swarm->near_plane[a] ^ HYI_WIDTH)[c]), inverse, HYI_LOADW(p->far_offset[a])));
     }
     return HYI_BITSW(HYI_LEW(first, last));
 }
@@ -14190,56 +14763,81 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* Packets of a list some of whose rays meet the box of a leaf, and bits of these. */
-typedef struct HYI_I(hyi_visitors) {
-    uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
-    uint32_t count;
-} HYI_I(hyi_visitors);
-
-/* node, c: where the leaf hangs; NULL: nowhere. Without a branch: it would be taken by chance. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c,
-                                              HYI_I(hyi_visitors) *visitors) {
-    uint32_t kept = 0;
+/* Packets of a list, each of a pair by itself, some of whose rays meet the box of a leaf, begin to wait. node, c: where the leaf hangs;
+   NULL: nowhere. Without a branch on whether they do: it would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    hyi_visitors *visitors = swarm->visitors;
+    uint32_t waiting = visitors->count;
     for (uint32_t i = 0; i < count; i++) {
-        uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[list[i]], node, c) : HYI_ALLW;
-        visitors->packets[kept] = list[i];
-        visitors->rays[kept] = rays;
-        kept += rays ? 1u : 0u;
+        for (uint32_t p = list[i]; p != HYK_NONE; p = swarm->packets[p].mate) {
+            uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[p], node, c) : HYI_ALLW;
+            visitors->packets[waiting] = p;
+            visitors->rays[waiting] = rays;
+            visitors->leaves[waiting] = leaf;
+            waiting += rays ? 1u : 0u;
+            swarm->stream->leaf_visits++;
+        }
     }
-    visitors->count = kept;
+    visitors->count = waiting;
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
-                                                   const hyi_node *node, uint32_t c, bool any) {
-    HYI_I(hyi_visitors) visitors;
-    swarm->stream->leaf_visits += count;
-    HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
-    for (uint32_t i = 0; i < visitors.count; i++) {
-        hyi_packet *packet = &swarm->packets[visitors.packets[i]];
-        uint32_t mask = visitors.rays[i];
+/* How far a packet, or pair, still looks after a hit. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    hyi_packet *lead = &swarm->packets[packet->lead];
+    HYI_FW t_far = HYI_LOADW(lead->t_far);
+    if (lead->mate != HYK_NONE) t_far = HYI_MAXW(t_far, HYI_LOADW(swarm->packets[lead->mate].t_far));
+    lead->last_t = HYI_GREATESTW(t_far);
+}
+
+/* Packets that wait meet their leaves. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_admit)(const hyi_swarm *swarm, bool any) {
+    hyi_visitors *visitors = swarm->visitors;
+    for (uint32_t i = 0; i < visitors->count; i++) {
+        hyi_packet *packet = &swarm->packets[visitors->packets[i]];
+        uint32_t mask = visitors->rays[i], leaf = visitors->leaves[i];
         bool found = false;
         if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
             for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
         } else {
             found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
-        if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+        if (found) HYI_I(hyi_limit_packet)(swarm, packet);
     }
+    visitors->count = 0;
 }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_any)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, true);
-}
+HYI_FN HYI_TARGET void HYI_I(hyi_admit_any)(const hyi_swarm *swarm) { HYI_I(hyi_admit)(swarm, true); }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_closest)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, false);
+HYI_FN HYI_TARGET void HYI_I(hyi_admit_closest)(const hyi_swarm *swarm) { HYI_I(hyi_admit)(swarm, false); }
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_admit_all)(const hyi_swarm *swarm) {
+    if (swarm->any) HYI_I(hyi_admit_any)(swarm);
+    else HYI_I(hyi_admit_closest)(swarm);
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
-    else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
+    HYI_I(hyi_receive)(swarm, leaf, list, count, node, c);
+    if (swarm->visitors->count >= HYI_VISITORS_LEAST) HYI_I(hyi_admit_all)(swarm);
 }
 /* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
+
+/* Where slabs are met of which the origin is moved by bound, which has the direction's sign: see hyi_aim_slabs. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_offsets)(HYI_FW origin, HYI_FW bound, HYI_FW inverse, float *near_offset, float *far_offset) {
+    HYI_FW back = HYI_I(hyi_negative)(inverse);
+    HYI_STOREW(near_offset, HYI_MULW(HYI_ADDW(origin, bound), back));
+    HYI_STOREW(far_offset, HYI_MULW(HYI_SUBW(origin, bound), back));
+}
+
+/* The least and the greatest of all lanes, which are the same where these are coordinates of a camera. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_range)(const float lanes[HYI_PACKET_WIDTH], float *least, float *greatest) {
+    HYI_FW v = HYI_LOADW(lanes);
+    *least = *greatest = lanes[0];
+    if (HYI_BITSW(HYI_SAMEW(v, HYI_SETW(lanes[0]))) == HYI_ALLW) return;
+    *least = HYI_LEASTW(v);
+    *greatest = HYI_GREATESTW(v);
+}
 
 /* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
@@ -14254,8 +14852,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         if (!(greatest - least <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
-        low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
-        high[a] = HYI_GREATESTW(HYI_LOADW(o[a]));
+        HYI_I(hyi_range)(o[a], &low[a], &high[a]);
         extent = box->upper[a] - box->lower[a] > extent ? box->upper[a] - box->lower[a] : extent;
     }
     float below = hyi_reach(box, low[axis], (int)axis, false), above = hyi_reach(box, high[axis], (int)axis, false);
@@ -14267,10 +14864,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
         float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
         bool falls = (packet->group >> a & 1u) != 0u;
-        packet->bound[a] = bound;
         packet->near_origin[a] = falls ? low[a] - bound : high[a] + bound;
         packet->far_origin[a] = falls ? high[a] + bound : low[a] - bound;
-        HYI_STOREW(packet->inverse[a == (int)axis ? 2 : (a + 3 - (int)axis) % 3 - 1], HYI_LOADW(inverse[a]));
+        HYI_STOREW(packet->inverse[a], HYI_LOADW(inverse[a]));
+        HYI_I(hyi_store_offsets)(HYI_LOADW(o[a]), HYI_SETW(falls ? -bound : bound), HYI_LOADW(inverse[a]), packet->near_offset[a], packet->far_offset[a]);
         packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
         packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
     }
@@ -14287,8 +14884,6 @@ typedef struct HYI_I(hyi_block) {
     HYI_FW t_min, t_limit;
     HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
 } HYI_I(hyi_block);
-
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
 
 /* A whole number in all lanes: these are only moved, and chosen from. */
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
@@ -14496,11 +15091,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_SIZEW(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW v = block->origin[a], size = HYI_SIZEW(v);
         HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
         bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
-        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
-        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+        HYI_I(hyi_store_offsets)(v, bound, HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
     }
 }
 
@@ -14991,23 +15585,31 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, 
     return true;
 }
 
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_alone)(const hyi_swarm *swarm, hyi_flight *flight, uint32_t leaf) {
+    if (!swarm->site.asks_alpha && !flight->aim.exact) return HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any);
+    bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
+    if (found && swarm->any) hyi_flight_stop(flight);
+    return found;
+}
+
+/* Flights by their numbers, each at a leaf of its own. Returns how many had a hit. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &swarm->flights[list[i]];
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
-        if (swarm->site.asks_alpha || flight->aim.exact) {
-            bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
-            if (found && swarm->any) hyi_flight_stop(flight);
-            hits += found ? 1u : 0u;
-        } else {
-            hits += HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any) ? 1u : 0u;
-        }
+        hyi_prefetch_child(swarm->site.bvh, leaves[i + 3u < count ? i + 3u : i]);
+        hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }
     return hits;
 }
 
 /* ---- all */
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
+    for (uint32_t i = 0; i < count; i++) hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaf) ? 1u : 0u;
+    return hits;
+}
 
 /* Some flights, at most HYI_LANES. */
 HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
@@ -15016,15 +15618,21 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm,
     return swarm->any ? HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, true) : HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, false);
 }
 
-/* Returns how many rays of a list hit a triangle of a leaf. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
+/* Rays of a list meet a leaf abreast as long as there are enough; returns how many are left, the last of the list. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *hits) {
+    uint32_t enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
     for (; count >= enough || count >= HYI_LANES; list += HYI_LANES) {
         uint32_t some = count < HYI_LANES ? count : HYI_LANES;
-        hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
+        *hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
         count -= some;
     }
-    return hits + HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+    return count;
+}
+
+/* All of a list, where the leaf is all of the tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_whole)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0, left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &hits);
+    (void)HYI_I(hyi_offer_leaf_each)(swarm, leaf, list + (count - left), left);
 }
 /* ---- many rays (expanded once for each instruction set)
 
@@ -15075,7 +15683,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hy
 }
 
 /* The same of packets, which have their near planes in common. Those that seem to meet many children, and begin at different points,
-   are looked at by each ray afterwards: a branch in the midst of the others would be taken by chance. */
+   are looked at by each ray afterwards, as no pairs are: a branch in the midst of the others would be taken by chance. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                    uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_I(hyi_planes) planes;
@@ -15215,6 +15823,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
     uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
     if (bvh->rows) HYI_I(hyi_prefetch_children)(bvh, node, mask);
     uint32_t leaves = swarm->any ? HYI_I(hyi_leaves_of)(node) & mask : 0u;
+    memcpy(frame->nearest, nearest, sizeof nearest);
     for (uint32_t c = 0; leaves && c < HYI_WIDTH; c++) nearest[c] = leaves >> c & 1u ? -FLT_MAX : nearest[c];
     HYI_I(hyi_order_children)(nearest, frame->order);
     frame->children = hyi_count_bits(mask);
@@ -15236,6 +15845,87 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, c
     return false;
 }
 
+/* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_leaves)(const hyi_swarm *swarm, hyi_waiters *w) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < w->at_leaves; i++) {
+        uint32_t ray = w->leaf_rays[i], leaf = w->leaves[i];
+        w->leaf_rays[kept] = ray;
+        w->leaves[kept] = leaf;
+        kept += w->enter[i] <= swarm->flights[ray].aim.t_far ? 1u : 0u;
+    }
+    w->at_leaves = 0;
+    return HYI_I(hyi_offer_leaves_each)(swarm, w->leaves, w->leaf_rays, kept);
+}
+
+/* Words without compression: HYI_WAIT_AT_CHILDREN. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_wait_at_each)(hyi_waiters *w, const hyi_node *node, uint32_t ray, HYI_M8 mask, HYI_F8 enter) {
+    float t[HYI_WIDTH];
+    HYI_STORE8(t, enter);
+    hyi_wait_at_children(w, node, ray, HYI_BITS8(mask), t);
+}
+
+/* Flights meet the nodes that they wait at, and all that comes after: the first of those that wait goes first, so that its node has time
+   to come from memory, and nothing is guessed. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hyi_waiters *w) {
+    const hyi_bvh *bvh = swarm->site.bvh;
+    uint32_t next = 0, hits = 0;
+    while (next < w->at_nodes) {
+        uint32_t i = w->at_nodes <= HYI_NODES_ENOUGH ? next++ : --w->at_nodes, ahead = next + 3u < w->at_nodes ? next + 3u : i;
+        const hyi_node *node = &bvh->nodes[w->nodes[i]];
+        const hyi_aim *aim = &swarm->flights[w->node_rays[i]].aim;
+        HYI_I(hyi_planes) planes;
+        HYI_F8 enter;
+        hyi_prefetch_child(bvh, w->nodes[ahead]);
+        hyi_prefetch(&swarm->flights[w->node_rays[ahead]]);
+        HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
+        HYI_M8 mask = HYI_I(hyi_meet_boxes)(aim, planes.near_planes, planes.far_planes, &enter, false);
+        HYI_WAIT_AT_CHILDREN(w, node, w->node_rays[i], mask, enter);
+        if (w->at_leaves >= HYI_LEAVES_ENOUGH) hits += HYI_I(hyi_run_leaves)(swarm, w);
+    }
+    w->at_nodes = 0;
+    return hits;
+}
+
+/* Flights that wait go on where there are enough of them. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_waiters)(hyi_journey *journey, uint32_t nodes, uint32_t leaves) {
+    uint32_t hits = 0;
+    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(&journey->swarm, &journey->waiters);
+    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(&journey->swarm, &journey->waiters);
+    return hits;
+}
+
+/* Sends short lists on, flight by flight. Copied without a branch on how many they are, which would be taken by chance. */
+HYI_INLINE void HYI_I(hyi_wait_at_node)(hyi_waiters *w, uint32_t at, const uint32_t *list, uint32_t count) {
+    memcpy(w->node_rays + w->at_nodes, list, HYI_NODES_OF_LIST * sizeof *list);
+    for (uint32_t i = 0; i < HYI_NODES_OF_LIST; i++) w->nodes[w->at_nodes + i] = at;
+    w->at_nodes += count;
+}
+
+/* The same at a leaf: as many as are too few to meet it abreast. */
+HYI_INLINE void HYI_I(hyi_wait_at_leaf)(hyi_waiters *w, uint32_t leaf, float enter, const uint32_t *list, uint32_t count) {
+    memcpy(w->leaf_rays + w->at_leaves, list, HYI_LEAVES_OF_LIST * sizeof *list);
+    for (uint32_t i = 0; i < HYI_LEAVES_OF_LIST; i++) {
+        w->leaves[w->at_leaves + i] = leaf;
+        w->enter[w->at_leaves + i] = enter;
+    }
+    w->at_leaves += count;
+}
+
+/* Offers the leaves that come next among a frame's children to their lists. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
+    const hyi_swarm *swarm = &journey->swarm;
+    bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
+    for (; frame->next < frame->children; frame->next++) {
+        uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
+        if (!hyi_child_is_leaf(leaf)) break;
+        if (cull && count >= HYI_ABREAST_LEAST(hyi_leaf_count(leaf))) count = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, count);
+        uint32_t left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &frame->hits);
+        HYI_I(hyi_wait_at_leaf)(&journey->waiters, leaf, frame->nearest[c], list + (count - left), left);
+    }
+    frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
+}
+
 /* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
     const hyi_swarm *swarm = &journey->swarm;
@@ -15245,14 +15935,18 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
             if (--journey->depth) frame[-1].hits += frame->hits;
             continue;
         }
-        uint32_t c = frame->order[frame->next++], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-        if (!swarm->site.bvh->rows || !hyi_child_is_leaf(at)) {
-            if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+            HYI_I(hyi_list_leaves)(journey, frame);
             continue;
         }
-        uint32_t some = frame->dealt[c];
-        if (HYI_CULL_SHARE * frame->hits >= frame->count) some = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, some);
-        frame->hits += HYI_I(hyi_list_leaf_rays)(swarm, at, list, some);
+        frame->next++;
+        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+            continue;
+        }
+        if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
     }
     return false;
 }
@@ -15274,22 +15968,33 @@ HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t 
         uint32_t first = k * share, some = count - first < share ? count - first : share;
         journeys[k].swarm = *swarm;
         journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = 0;
+        journeys[k].depth = journeys[k].waiters.at_leaves = journeys[k].waiters.at_nodes = 0;
         going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
     }
     while (going)
         for (uint32_t k = 0; k < parts; k++)
             if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
+    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_run_waiters)(&journeys[k], 0, 0);
 }
 
 /* The same, of any tree. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_send)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
     uint32_t root = swarm->site.bvh->root;
-    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) (void)HYI_I(hyi_list_leaf_rays)(swarm, root, list, count);
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) HYI_I(hyi_list_leaf_whole)(swarm, root, list, count);
     else HYI_I(hyi_travel)(swarm, list, count, space);
 }
 
 /* ---- all rays of a slice */
+
+/* A list of packets of one group goes through the tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_send_packets)(hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_visitors visitors;
+    visitors.count = 0;
+    swarm->visitors = &visitors;
+    HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, list, count, space);
+    HYI_I(hyi_admit_all)(swarm);
+    swarm->visitors = NULL;
+}
 
 /* Sends count packets on their way, those of a group together. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, uint32_t *space) {
@@ -15300,7 +16005,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, 
     for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
         if (first[g + 1] == first[g]) continue;
         hyi_set_group(swarm, g);
-        HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room);
+        uint32_t some = hyi_pair_packets(swarm->packets, order + first[g], first[g + 1] - first[g], HYI_PAIRS);
+        HYI_I(hyi_send_packets)(swarm, order + first[g], some, space + room);
     }
 }
 
@@ -15314,7 +16020,8 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
         if (made < swarm->stream->packet_share && first + some < count) continue;
         for (uint32_t i = 0; i < made; i++) space[i] = i;
-        if (made) HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u));
+        uint32_t going = hyi_pair_packets(swarm->packets, space, made, HYI_PAIRS);
+        if (going) HYI_I(hyi_send_packets)(swarm, space, going, space + ((made + 15u) & ~15u));
         for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
         made = 0;
     }
@@ -15449,6 +16156,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_M8
 #undef HYI_MAD4
 #undef HYI_MAD8
+#undef HYI_MADW
 #undef HYI_MAX2
 #undef HYI_MAX4
 #undef HYI_MAX4_AS_INTS
@@ -15474,6 +16182,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_OR4
 #undef HYI_OR8
 #undef HYI_ORW
+#undef HYI_PAIRS
 #undef HYI_PIN2
 #undef HYI_PIN4
 #undef HYI_PIN8
@@ -15506,6 +16215,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SUBW
 #undef HYI_TARGET
 #undef HYI_TURN4
+#undef HYI_WAIT_AT_CHILDREN
 #undef HYI_ZERO8
 #undef HYI_ZEROW
 #undef HYI_UNROLL_8
@@ -15835,6 +16545,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words(rays, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_FOUR_WORDS(at, offset, rows) HYI_I(hyi_four_words)(at, offset, rows)
+#define HYI_PAIRS false
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW HYI_F8
@@ -15847,6 +16558,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_SUBW(a, b) HYI_SUB8(a, b)
 #define HYI_MULW(a, b) HYI_MUL8(a, b)
 #define HYI_DIVW(a, b) HYI_DIV8(a, b)
+#define HYI_MADW(a, b, c) HYI_MAD8(a, b, c)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
 #define HYI_MAXW_AS_INTS(a, b) HYI_MAX8_AS_INTS(a, b)
@@ -15862,6 +16574,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
 #define HYI_LEASTW(a) HYI_LEAST4(HYI_MIN4((a).low, (a).high))
 #define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
+#define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) HYI_I(hyi_wait_at_each)(waiters, node, ray, mask, enter)
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
 #define HYI_LOADH(p, half) HYI_I(hyi_load_half)(p, half)
@@ -15879,17 +16592,37 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 /* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
    words: HYI_F4 is four floats) */
 
-/* hyi_aim_slabs for a tree of triangles. The fourth of what is loaded and stored belongs to what comes after it in bvh and in
-   aim: it is not used there, and overwritten here. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z) {
+/* hyi_slab_bound along each axis, and the noise of a tree of triangles, for a ray that begins away from it. The fourth of what is loaded
+   belongs to what comes after it in bvh: it is not used. */
+HYI_INLINE HYI_TARGET HYI_F4 HYI_I(hyi_bound_from_afar)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, uint32_t z) {
     const float *lower = bvh->scaled.lower, *upper = lower + 3;
     float reaches[4];
     HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
     HYI_STORE4(reaches, reach);
     aim->noise = HYI_SHEAR_NOISE * (reaches[0] + reaches[1] + reaches[2]);
-    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
-    bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
+    return HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o)));
+}
+
+/* The same for any ray; false: it begins so far away that its origin has to be moved. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_slabs)(hyi_aim *aim, const hyi_accel *accel, const hyi_bvh *bvh, HYI_F4 o, uint32_t z, HYI_F4 *bound) {
+    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu}; /* HYI_NEAR_BY; t_min is finite */
+    const hyi_vicinity *vicinity = &accel->vicinity;
+    if (!HYI_EXCEED4(HYI_SUB4(o, HYI_LOAD4(vicinity->middle)), vicinity->radius)) {
+        *bound = HYI_LOAD4(vicinity->bound);
+        aim->noise = vicinity->noise;
+        return true;
+    }
+    if (HYI_EXCEED4(o, near_by)) return false;
+    *bound = HYI_I(hyi_bound_from_afar)(aim, bvh, o, z);
+    return true;
+}
+
+/* hyi_aim_slabs, by their bound. What is stored as four takes the place of what comes after it in aim, which is written later. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, HYI_F4 o, HYI_F4 d, HYI_F4 bound) {
+    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
+    bound = HYI_SIGNED4(bound, d);
+    HYI_STORE_PLACES4(aim->near_plane, d);
     HYI_STORE4(aim->inverse, inverse);
     HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
     HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
@@ -15902,16 +16635,12 @@ HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
     return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
 }
 
-/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. What is stored as four takes the
-   place of what comes after it in aim, which is written later. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units, but for its slabs and noise. What
+   is stored as four takes the place of what comes after it in aim, which is written later. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_frame)(hyi_aim *aim, HYI_F4 o, HYI_F4 d, uint32_t z) {
     static const hyi_turn turns[3] = {{{1, 2, 0, 0}, {4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 0, 0, 0, 0}},
                                       {{2, 0, 1, 0}, {8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0}},
                                       {{0, 1, 2, 0}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 0, 0}}};
-    HYI_STORE_PLACES4(aim->near_plane, d);
-    HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
-    aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
-    aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
     HYI_STORE4(aim->origin, HYI_BYTES4(o, turns[z].bytes));
     memcpy(aim->axis, turns[z].axis, sizeof aim->axis);
     HYI_STORE4(aim->direction, HYI_BYTES4(d, turns[z].bytes));
@@ -15922,25 +16651,32 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
 }
 
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
-   or in a tree of boxes. Bits are looked at, which fast-math leaves alone: what is not a number has more than all. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
-    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu};  /* HYI_NEAR_BY; t_min is finite */
+   or in a tree of boxes. bvh: where the rays of accel begin. Bits are looked at, which fast-math leaves alone: what is not a number has
+   more than all. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_accel *accel, const hyi_bvh *bvh, const hyk_ray *ray) {
     static const uint32_t longest[4] = {0x4e800000u, 0x4e800000u, 0x4e800000u, 0x7f800000u};  /* HYI_LONGEST; t_max may be infinite */
     static const uint32_t shortest[4] = {0x30800000u, 0x30800000u, 0x30800000u, 0x7fffffffu}; /* HYI_SHORTEST */
     uint32_t direction[3];
     float t_min, t_max;
-    memcpy(direction, &ray->direction, sizeof direction);
+    memcpy(&direction[0], &ray->direction.x, sizeof direction[0]); /* one by one: together they would wait in memory */
+    memcpy(&direction[1], &ray->direction.y, sizeof direction[1]);
+    memcpy(&direction[2], &ray->direction.z, sizeof direction[2]);
     memcpy(&t_min, &ray->t_min, sizeof t_min);
     memcpy(&t_max, &ray->t_max, sizeof t_max);
-    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
+    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale), bound;
     float limit = hyi_finite_limit(t_max);
-    if ((HYI_EXCEED4(o, near_by) | HYI_EXCEED4(d, longest)) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
+    uint32_t z = HYI_I(hyi_largest_axis)(direction);
+    if (HYI_EXCEED4(d, longest) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
+    if (!HYI_I(hyi_bound_slabs)(&flight->aim, accel, bvh, o, z, &bound)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
-    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, HYI_I(hyi_largest_axis)(direction), t_min, limit);
+    HYI_I(hyi_aim_slabs)(&flight->aim, o, d, bound);
+    HYI_I(hyi_aim_frame)(&flight->aim, o, d, z);
+    flight->aim.t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
+    flight->aim.t_far = limit + 4.0f * HYI_ULP * fabsf(limit);
     return true;
 }
 
-#define HYI_FLIGHT_BEGIN(flight, bvh, ray) (HYI_I(hyi_begin_most)(flight, bvh, ray) || hyi_begin_any(flight, bvh, ray))
+#define HYI_FLIGHT_BEGIN(flight, accel, bvh, ray) (HYI_I(hyi_begin_most)(flight, accel, bvh, ray) || hyi_begin_any(flight, bvh, ray))
 /* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
    HYI_PIN8 keeps values as rounded) */
 
@@ -16113,19 +16849,22 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 }
 
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
-   most of those are hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+   most of those are hit. false: there were none, and nothing has changed. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    if (!verdicts.possible) return false;
+    hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    return true;
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
    children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
-    hyi_waiting stack[HYI_STACK], *top = stack;
+    hyi_ahead ahead = hyi_ahead_of(site->bvh);
+    hyi_waiting stack[HYI_STACK], *top = stack, limit = hyi_waiting_limit(flight->aim.t_far);
     for (;;) {
         while (!hyi_child_is_leaf(at)) {
             const hyi_node *node = &nodes[at];
@@ -16136,21 +16875,18 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
-            hyi_waiting *waiting = top;
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
-            if (any) continue;
-            hyi_prefetch_child(site->bvh, at);
-            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
-        } else if (at != HYI_CHILD_NONE) {
-            HYI_I(hyi_decide_leaf)(site, flight, at);
+        } else if (at != HYI_CHILD_NONE && HYI_I(hyi_decide_leaf)(site, flight, at)) {
+            limit = hyi_waiting_limit(flight->aim.t_far);
         }
         do {
             if (top == stack) return;
             top--;
-        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        } while (*top > limit);
         at = (uint32_t)*top;
     }
 }
@@ -16174,7 +16910,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
@@ -16219,7 +16955,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
     if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
-        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        if (HYI_FLIGHT_BEGIN(&flight, accel, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
         else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
         hyi_tell(accel, &flight, site.normal, answers, i);
     }
@@ -16256,12 +16992,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, cons
 /* Bits of the rays of a packet that meet the box of child c. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
     HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
-    for (int k = 0; k < 3; k++) {
-        uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
-        float slack = (near_row & HYI_WIDTH) ? p->bound[a] : -p->bound[a];
-        HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
-        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row)[c] + slack), origin), inverse));
-        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row ^ HYI_WIDTH)[c] - slack), origin), inverse));
+    for (int a = 0; a < 3; a++) {
+        HYI_FW inverse = HYI_LOADW(p->inverse[a]);
+        first = HYI_MAXW(first, HYI_MADW(HYI_SETW(hyi_planes_at(node, swarm->near_plane[a])[c]), inverse, HYI_LOADW(p->near_offset[a])));
+        last = HYI_MINW(last, HYI_MADW(HYI_SETW(hyi_planes_at(node, swarm->near_plane[a] ^ HYI_WIDTH)[c]), inverse, HYI_LOADW(p->far_offset[a])));
     }
     return HYI_BITSW(HYI_LEW(first, last));
 }
@@ -16715,56 +17449,81 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* Packets of a list some of whose rays meet the box of a leaf, and bits of these. */
-typedef struct HYI_I(hyi_visitors) {
-    uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
-    uint32_t count;
-} HYI_I(hyi_visitors);
-
-/* node, c: where the leaf hangs; NULL: nowhere. Without a branch: it would be taken by chance. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c,
-                                              HYI_I(hyi_visitors) *visitors) {
-    uint32_t kept = 0;
+/* Packets of a list, each of a pair by itself, some of whose rays meet the box of a leaf, begin to wait. node, c: where the leaf hangs;
+   NULL: nowhere. Without a branch on whether they do: it would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    hyi_visitors *visitors = swarm->visitors;
+    uint32_t waiting = visitors->count;
     for (uint32_t i = 0; i < count; i++) {
-        uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[list[i]], node, c) : HYI_ALLW;
-        visitors->packets[kept] = list[i];
-        visitors->rays[kept] = rays;
-        kept += rays ? 1u : 0u;
+        for (uint32_t p = list[i]; p != HYK_NONE; p = swarm->packets[p].mate) {
+            uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[p], node, c) : HYI_ALLW;
+            visitors->packets[waiting] = p;
+            visitors->rays[waiting] = rays;
+            visitors->leaves[waiting] = leaf;
+            waiting += rays ? 1u : 0u;
+            swarm->stream->leaf_visits++;
+        }
     }
-    visitors->count = kept;
+    visitors->count = waiting;
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
-                                                   const hyi_node *node, uint32_t c, bool any) {
-    HYI_I(hyi_visitors) visitors;
-    swarm->stream->leaf_visits += count;
-    HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
-    for (uint32_t i = 0; i < visitors.count; i++) {
-        hyi_packet *packet = &swarm->packets[visitors.packets[i]];
-        uint32_t mask = visitors.rays[i];
+/* How far a packet, or pair, still looks after a hit. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    hyi_packet *lead = &swarm->packets[packet->lead];
+    HYI_FW t_far = HYI_LOADW(lead->t_far);
+    if (lead->mate != HYK_NONE) t_far = HYI_MAXW(t_far, HYI_LOADW(swarm->packets[lead->mate].t_far));
+    lead->last_t = HYI_GREATESTW(t_far);
+}
+
+/* Packets that wait meet their leaves. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_admit)(const hyi_swarm *swarm, bool any) {
+    hyi_visitors *visitors = swarm->visitors;
+    for (uint32_t i = 0; i < visitors->count; i++) {
+        hyi_packet *packet = &swarm->packets[visitors->packets[i]];
+        uint32_t mask = visitors->rays[i], leaf = visitors->leaves[i];
         bool found = false;
         if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
             for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
         } else {
             found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
-        if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+        if (found) HYI_I(hyi_limit_packet)(swarm, packet);
     }
+    visitors->count = 0;
 }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_any)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, true);
-}
+HYI_FN HYI_TARGET void HYI_I(hyi_admit_any)(const hyi_swarm *swarm) { HYI_I(hyi_admit)(swarm, true); }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_closest)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, false);
+HYI_FN HYI_TARGET void HYI_I(hyi_admit_closest)(const hyi_swarm *swarm) { HYI_I(hyi_admit)(swarm, false); }
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_admit_all)(const hyi_swarm *swarm) {
+    if (swarm->any) HYI_I(hyi_admit_any)(swarm);
+    else HYI_I(hyi_admit_closest)(swarm);
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
-    else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
+    HYI_I(hyi_receive)(swarm, leaf, list, count, node, c);
+    if (swarm->visitors->count >= HYI_VISITORS_LEAST) HYI_I(hyi_admit_all)(swarm);
 }
 /* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
+
+/* Where slabs are met of which the origin is moved by bound, which has the direction's sign: see hyi_aim_slabs. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_offsets)(HYI_FW origin, HYI_FW bound, HYI_FW inverse, float *near_offset, float *far_offset) {
+    HYI_FW back = HYI_I(hyi_negative)(inverse);
+    HYI_STOREW(near_offset, HYI_MULW(HYI_ADDW(origin, bound), back));
+    HYI_STOREW(far_offset, HYI_MULW(HYI_SUBW(origin, bound), back));
+}
+
+/* The least and the greatest of all lanes, which are the same where these are coordinates of a camera. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_range)(const float lanes[HYI_PACKET_WIDTH], float *least, float *greatest) {
+    HYI_FW v = HYI_LOADW(lanes);
+    *least = *greatest = lanes[0];
+    if (HYI_BITSW(HYI_SAMEW(v, HYI_SETW(lanes[0]))) == HYI_ALLW) return;
+    *least = HYI_LEASTW(v);
+    *greatest = HYI_GREATESTW(v);
+}
 
 /* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
@@ -16779,8 +17538,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         if (!(greatest - least <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
-        low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
-        high[a] = HYI_GREATESTW(HYI_LOADW(o[a]));
+        HYI_I(hyi_range)(o[a], &low[a], &high[a]);
         extent = box->upper[a] - box->lower[a] > extent ? box->upper[a] - box->lower[a] : extent;
     }
     float below = hyi_reach(box, low[axis], (int)axis, false), above = hyi_reach(box, high[axis], (int)axis, false);
@@ -16792,10 +17550,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
         float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
         bool falls = (packet->group >> a & 1u) != 0u;
-        packet->bound[a] = bound;
         packet->near_origin[a] = falls ? low[a] - bound : high[a] + bound;
         packet->far_origin[a] = falls ? high[a] + bound : low[a] - bound;
-        HYI_STOREW(packet->inverse[a == (int)axis ? 2 : (a + 3 - (int)axis) % 3 - 1], HYI_LOADW(inverse[a]));
+        HYI_STOREW(packet->inverse[a], HYI_LOADW(inverse[a]));
+        HYI_I(hyi_store_offsets)(HYI_LOADW(o[a]), HYI_SETW(falls ? -bound : bound), HYI_LOADW(inverse[a]), packet->near_offset[a], packet->far_offset[a]);
         packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
         packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
     }
@@ -16812,8 +17570,6 @@ typedef struct HYI_I(hyi_block) {
     HYI_FW t_min, t_limit;
     HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
 } HYI_I(hyi_block);
-
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
 
 /* A whole number in all lanes: these are only moved, and chosen from. */
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
@@ -17021,11 +17777,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_SIZEW(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW v = block->origin[a], size = HYI_SIZEW(v);
         HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
         bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
-        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
-        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+        HYI_I(hyi_store_offsets)(v, bound, HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
     }
 }
 
@@ -17516,23 +18271,31 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, 
     return true;
 }
 
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_alone)(const hyi_swarm *swarm, hyi_flight *flight, uint32_t leaf) {
+    if (!swarm->site.asks_alpha && !flight->aim.exact) return HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any);
+    bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
+    if (found && swarm->any) hyi_flight_stop(flight);
+    return found;
+}
+
+/* Flights by their numbers, each at a leaf of its own. Returns how many had a hit. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &swarm->flights[list[i]];
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
-        if (swarm->site.asks_alpha || flight->aim.exact) {
-            bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
-            if (found && swarm->any) hyi_flight_stop(flight);
-            hits += found ? 1u : 0u;
-        } else {
-            hits += HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any) ? 1u : 0u;
-        }
+        hyi_prefetch_child(swarm->site.bvh, leaves[i + 3u < count ? i + 3u : i]);
+        hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }
     return hits;
 }
 
 /* ---- all */
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
+    for (uint32_t i = 0; i < count; i++) hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaf) ? 1u : 0u;
+    return hits;
+}
 
 /* Some flights, at most HYI_LANES. */
 HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
@@ -17541,15 +18304,21 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm,
     return swarm->any ? HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, true) : HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, false);
 }
 
-/* Returns how many rays of a list hit a triangle of a leaf. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
+/* Rays of a list meet a leaf abreast as long as there are enough; returns how many are left, the last of the list. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *hits) {
+    uint32_t enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
     for (; count >= enough || count >= HYI_LANES; list += HYI_LANES) {
         uint32_t some = count < HYI_LANES ? count : HYI_LANES;
-        hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
+        *hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
         count -= some;
     }
-    return hits + HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+    return count;
+}
+
+/* All of a list, where the leaf is all of the tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_whole)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0, left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &hits);
+    (void)HYI_I(hyi_offer_leaf_each)(swarm, leaf, list + (count - left), left);
 }
 /* ---- many rays (expanded once for each instruction set)
 
@@ -17600,7 +18369,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hy
 }
 
 /* The same of packets, which have their near planes in common. Those that seem to meet many children, and begin at different points,
-   are looked at by each ray afterwards: a branch in the midst of the others would be taken by chance. */
+   are looked at by each ray afterwards, as no pairs are: a branch in the midst of the others would be taken by chance. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                    uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_I(hyi_planes) planes;
@@ -17740,6 +18509,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
     uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
     if (bvh->rows) HYI_I(hyi_prefetch_children)(bvh, node, mask);
     uint32_t leaves = swarm->any ? HYI_I(hyi_leaves_of)(node) & mask : 0u;
+    memcpy(frame->nearest, nearest, sizeof nearest);
     for (uint32_t c = 0; leaves && c < HYI_WIDTH; c++) nearest[c] = leaves >> c & 1u ? -FLT_MAX : nearest[c];
     HYI_I(hyi_order_children)(nearest, frame->order);
     frame->children = hyi_count_bits(mask);
@@ -17761,6 +18531,87 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, c
     return false;
 }
 
+/* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_leaves)(const hyi_swarm *swarm, hyi_waiters *w) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < w->at_leaves; i++) {
+        uint32_t ray = w->leaf_rays[i], leaf = w->leaves[i];
+        w->leaf_rays[kept] = ray;
+        w->leaves[kept] = leaf;
+        kept += w->enter[i] <= swarm->flights[ray].aim.t_far ? 1u : 0u;
+    }
+    w->at_leaves = 0;
+    return HYI_I(hyi_offer_leaves_each)(swarm, w->leaves, w->leaf_rays, kept);
+}
+
+/* Words without compression: HYI_WAIT_AT_CHILDREN. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_wait_at_each)(hyi_waiters *w, const hyi_node *node, uint32_t ray, HYI_M8 mask, HYI_F8 enter) {
+    float t[HYI_WIDTH];
+    HYI_STORE8(t, enter);
+    hyi_wait_at_children(w, node, ray, HYI_BITS8(mask), t);
+}
+
+/* Flights meet the nodes that they wait at, and all that comes after: the first of those that wait goes first, so that its node has time
+   to come from memory, and nothing is guessed. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hyi_waiters *w) {
+    const hyi_bvh *bvh = swarm->site.bvh;
+    uint32_t next = 0, hits = 0;
+    while (next < w->at_nodes) {
+        uint32_t i = w->at_nodes <= HYI_NODES_ENOUGH ? next++ : --w->at_nodes, ahead = next + 3u < w->at_nodes ? next + 3u : i;
+        const hyi_node *node = &bvh->nodes[w->nodes[i]];
+        const hyi_aim *aim = &swarm->flights[w->node_rays[i]].aim;
+        HYI_I(hyi_planes) planes;
+        HYI_F8 enter;
+        hyi_prefetch_child(bvh, w->nodes[ahead]);
+        hyi_prefetch(&swarm->flights[w->node_rays[ahead]]);
+        HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
+        HYI_M8 mask = HYI_I(hyi_meet_boxes)(aim, planes.near_planes, planes.far_planes, &enter, false);
+        HYI_WAIT_AT_CHILDREN(w, node, w->node_rays[i], mask, enter);
+        if (w->at_leaves >= HYI_LEAVES_ENOUGH) hits += HYI_I(hyi_run_leaves)(swarm, w);
+    }
+    w->at_nodes = 0;
+    return hits;
+}
+
+/* Flights that wait go on where there are enough of them. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_waiters)(hyi_journey *journey, uint32_t nodes, uint32_t leaves) {
+    uint32_t hits = 0;
+    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(&journey->swarm, &journey->waiters);
+    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(&journey->swarm, &journey->waiters);
+    return hits;
+}
+
+/* Sends short lists on, flight by flight. Copied without a branch on how many they are, which would be taken by chance. */
+HYI_INLINE void HYI_I(hyi_wait_at_node)(hyi_waiters *w, uint32_t at, const uint32_t *list, uint32_t count) {
+    memcpy(w->node_rays + w->at_nodes, list, HYI_NODES_OF_LIST * sizeof *list);
+    for (uint32_t i = 0; i < HYI_NODES_OF_LIST; i++) w->nodes[w->at_nodes + i] = at;
+    w->at_nodes += count;
+}
+
+/* The same at a leaf: as many as are too few to meet it abreast. */
+HYI_INLINE void HYI_I(hyi_wait_at_leaf)(hyi_waiters *w, uint32_t leaf, float enter, const uint32_t *list, uint32_t count) {
+    memcpy(w->leaf_rays + w->at_leaves, list, HYI_LEAVES_OF_LIST * sizeof *list);
+    for (uint32_t i = 0; i < HYI_LEAVES_OF_LIST; i++) {
+        w->leaves[w->at_leaves + i] = leaf;
+        w->enter[w->at_leaves + i] = enter;
+    }
+    w->at_leaves += count;
+}
+
+/* Offers the leaves that come next among a frame's children to their lists. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
+    const hyi_swarm *swarm = &journey->swarm;
+    bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
+    for (; frame->next < frame->children; frame->next++) {
+        uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
+        if (!hyi_child_is_leaf(leaf)) break;
+        if (cull && count >= HYI_ABREAST_LEAST(hyi_leaf_count(leaf))) count = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, count);
+        uint32_t left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &frame->hits);
+        HYI_I(hyi_wait_at_leaf)(&journey->waiters, leaf, frame->nearest[c], list + (count - left), left);
+    }
+    frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
+}
+
 /* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
     const hyi_swarm *swarm = &journey->swarm;
@@ -17770,14 +18621,18 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
             if (--journey->depth) frame[-1].hits += frame->hits;
             continue;
         }
-        uint32_t c = frame->order[frame->next++], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-        if (!swarm->site.bvh->rows || !hyi_child_is_leaf(at)) {
-            if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+            HYI_I(hyi_list_leaves)(journey, frame);
             continue;
         }
-        uint32_t some = frame->dealt[c];
-        if (HYI_CULL_SHARE * frame->hits >= frame->count) some = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, some);
-        frame->hits += HYI_I(hyi_list_leaf_rays)(swarm, at, list, some);
+        frame->next++;
+        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+            continue;
+        }
+        if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
     }
     return false;
 }
@@ -17799,22 +18654,33 @@ HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t 
         uint32_t first = k * share, some = count - first < share ? count - first : share;
         journeys[k].swarm = *swarm;
         journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = 0;
+        journeys[k].depth = journeys[k].waiters.at_leaves = journeys[k].waiters.at_nodes = 0;
         going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
     }
     while (going)
         for (uint32_t k = 0; k < parts; k++)
             if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
+    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_run_waiters)(&journeys[k], 0, 0);
 }
 
 /* The same, of any tree. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_send)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
     uint32_t root = swarm->site.bvh->root;
-    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) (void)HYI_I(hyi_list_leaf_rays)(swarm, root, list, count);
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) HYI_I(hyi_list_leaf_whole)(swarm, root, list, count);
     else HYI_I(hyi_travel)(swarm, list, count, space);
 }
 
 /* ---- all rays of a slice */
+
+/* A list of packets of one group goes through the tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_send_packets)(hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_visitors visitors;
+    visitors.count = 0;
+    swarm->visitors = &visitors;
+    HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, list, count, space);
+    HYI_I(hyi_admit_all)(swarm);
+    swarm->visitors = NULL;
+}
 
 /* Sends count packets on their way, those of a group together. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, uint32_t *space) {
@@ -17825,7 +18691,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, 
     for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
         if (first[g + 1] == first[g]) continue;
         hyi_set_group(swarm, g);
-        HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room);
+        uint32_t some = hyi_pair_packets(swarm->packets, order + first[g], first[g + 1] - first[g], HYI_PAIRS);
+        HYI_I(hyi_send_packets)(swarm, order + first[g], some, space + room);
     }
 }
 
@@ -17839,7 +18706,8 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
         if (made < swarm->stream->packet_share && first + some < count) continue;
         for (uint32_t i = 0; i < made; i++) space[i] = i;
-        if (made) HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u));
+        uint32_t going = hyi_pair_packets(swarm->packets, space, made, HYI_PAIRS);
+        if (going) HYI_I(hyi_send_packets)(swarm, space, going, space + ((made + 15u) & ~15u));
         for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
         made = 0;
     }
@@ -17974,6 +18842,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_M8
 #undef HYI_MAD4
 #undef HYI_MAD8
+#undef HYI_MADW
 #undef HYI_MAX2
 #undef HYI_MAX4
 #undef HYI_MAX4_AS_INTS
@@ -17999,6 +18868,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_OR4
 #undef HYI_OR8
 #undef HYI_ORW
+#undef HYI_PAIRS
 #undef HYI_PIN2
 #undef HYI_PIN4
 #undef HYI_PIN8
@@ -18031,6 +18901,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SUBW
 #undef HYI_TARGET
 #undef HYI_TURN4
+#undef HYI_WAIT_AT_CHILDREN
 #undef HYI_ZERO8
 #undef HYI_ZEROW
 
@@ -18342,6 +19213,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_RAY_WORDS(rays, words) hyi_ray_words(rays, words, 8u)
 #define HYI_LINES(rows, lines) hyi_lines(rows, lines, 8u)
 #define HYI_FOUR_WORDS(at, offset, rows) HYI_I(hyi_four_words)(at, offset, rows)
+#define HYI_PAIRS false
 #define HYI_LANES 8u
 #define HYI_ALLW 0xffu
 #define HYI_FW HYI_F8
@@ -18354,6 +19226,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_SUBW(a, b) HYI_SUB8(a, b)
 #define HYI_MULW(a, b) HYI_MUL8(a, b)
 #define HYI_DIVW(a, b) HYI_DIV8(a, b)
+#define HYI_MADW(a, b, c) HYI_MAD8(a, b, c)
 #define HYI_MINW(a, b) HYI_MIN8(a, b)
 #define HYI_MAXW(a, b) HYI_MAX8(a, b)
 #define HYI_MAXW_AS_INTS(a, b) HYI_MAX8_AS_INTS(a, b)
@@ -18369,6 +19242,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
 #define HYI_LEASTW(a) HYI_LEAST4(HYI_MIN4((a).low, (a).high))
 #define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
+#define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) HYI_I(hyi_wait_at_each)(waiters, node, ray, mask, enter)
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
 #define HYI_LOADH(p, half) HYI_I(hyi_load_half)(p, half)
@@ -18386,17 +19260,37 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 /* ---- one ray made ready, its three axes side by side (expanded once for each instruction set that has vectors, in its
    words: HYI_F4 is four floats) */
 
-/* hyi_aim_slabs for a tree of triangles. The fourth of what is loaded and stored belongs to what comes after it in bvh and in
-   aim: it is not used there, and overwritten here. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z) {
+/* hyi_slab_bound along each axis, and the noise of a tree of triangles, for a ray that begins away from it. The fourth of what is loaded
+   belongs to what comes after it in bvh: it is not used. */
+HYI_INLINE HYI_TARGET HYI_F4 HYI_I(hyi_bound_from_afar)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, uint32_t z) {
     const float *lower = bvh->scaled.lower, *upper = lower + 3;
     float reaches[4];
     HYI_F4 reach = HYI_MAX4(HYI_SIZE4(HYI_SUB4(HYI_LOAD4(lower), o)), HYI_SIZE4(HYI_SUB4(HYI_LOAD4(upper), o)));
     HYI_STORE4(reaches, reach);
     aim->noise = HYI_SHEAR_NOISE * (reaches[0] + reaches[1] + reaches[2]);
-    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     HYI_F4 bound = HYI_MUL4(HYI_SET4(HYI_SLAB_BOUND), HYI_ADD4(reach, HYI_SET4(reaches[z])));
-    bound = HYI_SIGNED4(HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o))), d);
+    return HYI_ADD4(bound, HYI_MUL4(HYI_SET4(2.0f * HYI_ULP), HYI_SIZE4(o)));
+}
+
+/* The same for any ray; false: it begins so far away that its origin has to be moved. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_slabs)(hyi_aim *aim, const hyi_accel *accel, const hyi_bvh *bvh, HYI_F4 o, uint32_t z, HYI_F4 *bound) {
+    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu}; /* HYI_NEAR_BY; t_min is finite */
+    const hyi_vicinity *vicinity = &accel->vicinity;
+    if (!HYI_EXCEED4(HYI_SUB4(o, HYI_LOAD4(vicinity->middle)), vicinity->radius)) {
+        *bound = HYI_LOAD4(vicinity->bound);
+        aim->noise = vicinity->noise;
+        return true;
+    }
+    if (HYI_EXCEED4(o, near_by)) return false;
+    *bound = HYI_I(hyi_bound_from_afar)(aim, bvh, o, z);
+    return true;
+}
+
+/* hyi_aim_slabs, by their bound. What is stored as four takes the place of what comes after it in aim, which is written later. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, HYI_F4 o, HYI_F4 d, HYI_F4 bound) {
+    HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
+    bound = HYI_SIGNED4(bound, d);
+    HYI_STORE_PLACES4(aim->near_plane, d);
     HYI_STORE4(aim->inverse, inverse);
     HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
     HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
@@ -18409,16 +19303,12 @@ HYI_INLINE uint32_t HYI_I(hyi_largest_axis)(const uint32_t bits[3]) {
     return 2u * z_wins | ((uint32_t)(y > x) & ~z_wins);
 }
 
-/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units. What is stored as four takes the
-   place of what comes after it in aim, which is written later. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh, HYI_F4 o, HYI_F4 d, uint32_t z, float t_min, float t_max) {
+/* hyi_aim_at for a ray of direction d that is neither short nor long, o and d in the tree's units, but for its slabs and noise. What
+   is stored as four takes the place of what comes after it in aim, which is written later. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_frame)(hyi_aim *aim, HYI_F4 o, HYI_F4 d, uint32_t z) {
     static const hyi_turn turns[3] = {{{1, 2, 0, 0}, {4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 0, 0, 0, 0}},
                                       {{2, 0, 1, 0}, {8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 6, 7, 0, 0, 0, 0}},
                                       {{0, 1, 2, 0}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 0, 0, 0}}};
-    HYI_STORE_PLACES4(aim->near_plane, d);
-    HYI_I(hyi_aim_slabs)(aim, bvh, o, d, z);
-    aim->t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
-    aim->t_far = t_max + 4.0f * HYI_ULP * fabsf(t_max);
     HYI_STORE4(aim->origin, HYI_BYTES4(o, turns[z].bytes));
     memcpy(aim->axis, turns[z].axis, sizeof aim->axis);
     HYI_STORE4(aim->direction, HYI_BYTES4(d, turns[z].bytes));
@@ -18429,25 +19319,32 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_near)(hyi_aim *aim, const hyi_bvh *bvh,
 }
 
 /* hyi_flight_begin for most rays; false: it has to decide on this one, which is unsound, from afar, of a length far from 1,
-   or in a tree of boxes. Bits are looked at, which fast-math leaves alone: what is not a number has more than all. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_bvh *bvh, const hyk_ray *ray) {
-    static const uint32_t near_by[4] = {0x53800000u, 0x53800000u, 0x53800000u, 0x7f7fffffu};  /* HYI_NEAR_BY; t_min is finite */
+   or in a tree of boxes. bvh: where the rays of accel begin. Bits are looked at, which fast-math leaves alone: what is not a number has
+   more than all. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_most)(hyi_flight *flight, const hyi_accel *accel, const hyi_bvh *bvh, const hyk_ray *ray) {
     static const uint32_t longest[4] = {0x4e800000u, 0x4e800000u, 0x4e800000u, 0x7f800000u};  /* HYI_LONGEST; t_max may be infinite */
     static const uint32_t shortest[4] = {0x30800000u, 0x30800000u, 0x30800000u, 0x7fffffffu}; /* HYI_SHORTEST */
     uint32_t direction[3];
     float t_min, t_max;
-    memcpy(direction, &ray->direction, sizeof direction);
+    memcpy(&direction[0], &ray->direction.x, sizeof direction[0]); /* one by one: together they would wait in memory */
+    memcpy(&direction[1], &ray->direction.y, sizeof direction[1]);
+    memcpy(&direction[2], &ray->direction.z, sizeof direction[2]);
     memcpy(&t_min, &ray->t_min, sizeof t_min);
     memcpy(&t_max, &ray->t_max, sizeof t_max);
-    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale);
+    HYI_F4 scale = HYI_SET4(bvh->scale), o = HYI_MUL4(HYI_LOAD4(&ray->origin.x), scale), d = HYI_MUL4(HYI_LOAD4(&ray->direction.x), scale), bound;
     float limit = hyi_finite_limit(t_max);
-    if ((HYI_EXCEED4(o, near_by) | HYI_EXCEED4(d, longest)) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
+    uint32_t z = HYI_I(hyi_largest_axis)(direction);
+    if (HYI_EXCEED4(d, longest) || !HYI_EXCEED4(d, shortest) || !bvh->rows || !(t_min <= limit)) return false;
+    if (!HYI_I(hyi_bound_slabs)(&flight->aim, accel, bvh, o, z, &bound)) return false;
     hyi_flight_clear(flight, ray, t_min, limit);
-    HYI_I(hyi_aim_near)(&flight->aim, bvh, o, d, HYI_I(hyi_largest_axis)(direction), t_min, limit);
+    HYI_I(hyi_aim_slabs)(&flight->aim, o, d, bound);
+    HYI_I(hyi_aim_frame)(&flight->aim, o, d, z);
+    flight->aim.t_near = t_min - 4.0f * HYI_ULP * fabsf(t_min);
+    flight->aim.t_far = limit + 4.0f * HYI_ULP * fabsf(limit);
     return true;
 }
 
-#define HYI_FLIGHT_BEGIN(flight, bvh, ray) (HYI_I(hyi_begin_most)(flight, bvh, ray) || hyi_begin_any(flight, bvh, ray))
+#define HYI_FLIGHT_BEGIN(flight, accel, bvh, ray) (HYI_I(hyi_begin_most)(flight, accel, bvh, ray) || hyi_begin_any(flight, bvh, ray))
 /* ---- one ray (expanded once for each instruction set, in its words: HYI_F8 is eight floats, HYI_M8 eight truths, and
    HYI_PIN8 keeps values as rounded) */
 
@@ -18620,19 +19517,22 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
 }
 
 /* Decides on a leaf's triangles at once: with one ray there is nothing to put them off for, since few of them pass in float, and
-   most of those are hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
+   most of those are hit. false: there were none, and nothing has changed. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
     HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
-    if (verdicts.possible) hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
+    if (!verdicts.possible) return false;
+    hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
     for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    return true;
 }
 
 /* One ray through a tree of triangles, from child at on. What a list has put off before stays so. Memory is asked for all of a node's
    children that are met, but not where any hit will do: such a ray ends before it comes to most of them. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_flight *flight, uint32_t at, bool any) {
     const hyi_node *nodes = site->bvh->nodes;
-    hyi_waiting stack[HYI_STACK], *top = stack;
+    hyi_ahead ahead = hyi_ahead_of(site->bvh);
+    hyi_waiting stack[HYI_STACK], *top = stack, limit = hyi_waiting_limit(flight->aim.t_far);
     for (;;) {
         while (!hyi_child_is_leaf(at)) {
             const hyi_node *node = &nodes[at];
@@ -18643,21 +19543,18 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t first = hyi_lowest_bit(mask);
             mask &= mask - 1u;
             at = node->child[first];
-            hyi_waiting *waiting = top;
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask);
-            if (any) continue;
-            hyi_prefetch_child(site->bvh, at);
-            for (; waiting != top; waiting++) hyi_prefetch_child(site->bvh, (uint32_t)*waiting);
+            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
             if (HYI_I(hyi_offer_leaf)(site, flight, at, true)) return;
-        } else if (at != HYI_CHILD_NONE) {
-            HYI_I(hyi_decide_leaf)(site, flight, at);
+        } else if (at != HYI_CHILD_NONE && HYI_I(hyi_decide_leaf)(site, flight, at)) {
+            limit = hyi_waiting_limit(flight->aim.t_far);
         }
         do {
             if (top == stack) return;
             top--;
-        } while (hyi_waiting_t(*top) > flight->aim.t_far);
+        } while (*top > limit);
         at = (uint32_t)*top;
     }
 }
@@ -18681,7 +19578,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u));
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
@@ -18726,7 +19623,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
     if (answers->told && site.bvh->rows && site.bvh->scale == 1.0f) site.normal = n; /* the tree has the mesh's own floats */
     for (uint32_t i = 0; i < count; i++) {
         hyi_flight flight;
-        if (HYI_FLIGHT_BEGIN(&flight, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
+        if (HYI_FLIGHT_BEGIN(&flight, accel, site.bvh, &rays[i])) HYI_I(hyi_walk_scene)(&site, &flight, site.bvh->root, any);
         else sound = hyi_was_sound(&rays[i]) && sound; /* it meets nothing */
         hyi_tell(accel, &flight, site.normal, answers, i);
     }
@@ -18763,12 +19660,10 @@ HYI_INLINE HYI_TARGET HYI_M8 HYI_I(hyi_meet_boxes_all)(const hyi_packet *p, cons
 /* Bits of the rays of a packet that meet the box of child c. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_meet_box_each)(const hyi_swarm *swarm, const hyi_packet *p, const hyi_node *node, uint32_t c) {
     HYI_FW first = HYI_LOADW(p->t_near), last = HYI_LOADW(p->t_far);
-    for (int k = 0; k < 3; k++) {
-        uint32_t a = swarm->axis[k], near_row = swarm->near_plane[a];
-        float slack = (near_row & HYI_WIDTH) ? p->bound[a] : -p->bound[a];
-        HYI_FW origin = HYI_LOADW(p->origin[k]), inverse = HYI_LOADW(p->inverse[k]);
-        first = HYI_MAXW(first, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row)[c] + slack), origin), inverse));
-        last = HYI_MINW(last, HYI_MULW(HYI_SUBW(HYI_SETW(hyi_planes_at(node, near_row ^ HYI_WIDTH)[c] - slack), origin), inverse));
+    for (int a = 0; a < 3; a++) {
+        HYI_FW inverse = HYI_LOADW(p->inverse[a]);
+        first = HYI_MAXW(first, HYI_MADW(HYI_SETW(hyi_planes_at(node, swarm->near_plane[a])[c]), inverse, HYI_LOADW(p->near_offset[a])));
+        last = HYI_MINW(last, HYI_MADW(HYI_SETW(hyi_planes_at(node, swarm->near_plane[a] ^ HYI_WIDTH)[c]), inverse, HYI_LOADW(p->far_offset[a])));
     }
     return HYI_BITSW(HYI_LEW(first, last));
 }
@@ -19222,56 +20117,81 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_to_all)(const hyi_swarm *swarm, 
     return found;
 }
 
-/* Packets of a list some of whose rays meet the box of a leaf, and bits of these. */
-typedef struct HYI_I(hyi_visitors) {
-    uint32_t packets[HYI_STREAM_PACKETS], rays[HYI_STREAM_PACKETS];
-    uint32_t count;
-} HYI_I(hyi_visitors);
-
-/* node, c: where the leaf hangs; NULL: nowhere. Without a branch: it would be taken by chance. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c,
-                                              HYI_I(hyi_visitors) *visitors) {
-    uint32_t kept = 0;
+/* Packets of a list, each of a pair by itself, some of whose rays meet the box of a leaf, begin to wait. node, c: where the leaf hangs;
+   NULL: nowhere. Without a branch on whether they do: it would be taken by chance. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
+    hyi_visitors *visitors = swarm->visitors;
+    uint32_t waiting = visitors->count;
     for (uint32_t i = 0; i < count; i++) {
-        uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[list[i]], node, c) : HYI_ALLW;
-        visitors->packets[kept] = list[i];
-        visitors->rays[kept] = rays;
-        kept += rays ? 1u : 0u;
+        for (uint32_t p = list[i]; p != HYK_NONE; p = swarm->packets[p].mate) {
+            uint32_t rays = node ? HYI_I(hyi_meet_box_each)(swarm, &swarm->packets[p], node, c) : HYI_ALLW;
+            visitors->packets[waiting] = p;
+            visitors->rays[waiting] = rays;
+            visitors->leaves[waiting] = leaf;
+            waiting += rays ? 1u : 0u;
+            swarm->stream->leaf_visits++;
+        }
     }
-    visitors->count = kept;
+    visitors->count = waiting;
 }
 
-HYI_INLINE HYI_TARGET void HYI_I(hyi_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count,
-                                                   const hyi_node *node, uint32_t c, bool any) {
-    HYI_I(hyi_visitors) visitors;
-    swarm->stream->leaf_visits += count;
-    HYI_I(hyi_receive)(swarm, list, count, node, c, &visitors);
-    for (uint32_t i = 0; i < visitors.count; i++) {
-        hyi_packet *packet = &swarm->packets[visitors.packets[i]];
-        uint32_t mask = visitors.rays[i];
+/* How far a packet, or pair, still looks after a hit. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet) {
+    hyi_packet *lead = &swarm->packets[packet->lead];
+    HYI_FW t_far = HYI_LOADW(lead->t_far);
+    if (lead->mate != HYK_NONE) t_far = HYI_MAXW(t_far, HYI_LOADW(swarm->packets[lead->mate].t_far));
+    lead->last_t = HYI_GREATESTW(t_far);
+}
+
+/* Packets that wait meet their leaves. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_admit)(const hyi_swarm *swarm, bool any) {
+    hyi_visitors *visitors = swarm->visitors;
+    for (uint32_t i = 0; i < visitors->count; i++) {
+        hyi_packet *packet = &swarm->packets[visitors->packets[i]];
+        uint32_t mask = visitors->rays[i], leaf = visitors->leaves[i];
         bool found = false;
         if (HYI_SOONER_EACH(hyi_count_lanes(mask), hyi_leaf_count(leaf)) && !swarm->site.asks_alpha) {
             for (; mask; mask &= mask - 1u) found = HYI_I(hyi_offer_leaf_to_lane)(swarm, packet, leaf, hyi_lowest_bit(mask), any) || found;
         } else {
             found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
-        if (found) packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
+        if (found) HYI_I(hyi_limit_packet)(swarm, packet);
     }
+    visitors->count = 0;
 }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_any)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, true);
-}
+HYI_FN HYI_TARGET void HYI_I(hyi_admit_any)(const hyi_swarm *swarm) { HYI_I(hyi_admit)(swarm, true); }
 
-HYI_FN HYI_TARGET void HYI_I(hyi_leaf_packets_closest)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    HYI_I(hyi_leaf_packets)(swarm, leaf, list, count, node, c, false);
+HYI_FN HYI_TARGET void HYI_I(hyi_admit_closest)(const hyi_swarm *swarm) { HYI_I(hyi_admit)(swarm, false); }
+
+HYI_INLINE HYI_TARGET void HYI_I(hyi_admit_all)(const hyi_swarm *swarm) {
+    if (swarm->any) HYI_I(hyi_admit_any)(swarm);
+    else HYI_I(hyi_admit_closest)(swarm);
 }
 
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaf_packets)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, const hyi_node *node, uint32_t c) {
-    if (swarm->any) HYI_I(hyi_leaf_packets_any)(swarm, leaf, list, count, node, c);
-    else HYI_I(hyi_leaf_packets_closest)(swarm, leaf, list, count, node, c);
+    HYI_I(hyi_receive)(swarm, leaf, list, count, node, c);
+    if (swarm->visitors->count >= HYI_VISITORS_LEAST) HYI_I(hyi_admit_all)(swarm);
 }
 /* ---- rays made ready, as many at a time as a vector has lanes (expanded once for each instruction set) */
+
+HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
+
+/* Where slabs are met of which the origin is moved by bound, which has the direction's sign: see hyi_aim_slabs. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_store_offsets)(HYI_FW origin, HYI_FW bound, HYI_FW inverse, float *near_offset, float *far_offset) {
+    HYI_FW back = HYI_I(hyi_negative)(inverse);
+    HYI_STOREW(near_offset, HYI_MULW(HYI_ADDW(origin, bound), back));
+    HYI_STOREW(far_offset, HYI_MULW(HYI_SUBW(origin, bound), back));
+}
+
+/* The least and the greatest of all lanes, which are the same where these are coordinates of a camera. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_range)(const float lanes[HYI_PACKET_WIDTH], float *least, float *greatest) {
+    HYI_FW v = HYI_LOADW(lanes);
+    *least = *greatest = lanes[0];
+    if (HYI_BITSW(HYI_SAMEW(v, HYI_SETW(lanes[0]))) == HYI_ALLW) return;
+    *least = HYI_LEASTW(v);
+    *greatest = HYI_GREATESTW(v);
+}
 
 /* Bounds over all lanes; false: the rays are too different to go together. o, inverse: by axis of space. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packet *packet, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH]) {
@@ -19286,8 +20206,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         if (!(greatest - least <= HYI_PACKET_SLOPES)) return false;
     }
     for (int a = 0; a < 3; a++) {
-        low[a] = HYI_LEASTW(HYI_LOADW(o[a]));
-        high[a] = HYI_GREATESTW(HYI_LOADW(o[a]));
+        HYI_I(hyi_range)(o[a], &low[a], &high[a]);
         extent = box->upper[a] - box->lower[a] > extent ? box->upper[a] - box->lower[a] : extent;
     }
     float below = hyi_reach(box, low[axis], (int)axis, false), above = hyi_reach(box, high[axis], (int)axis, false);
@@ -19299,10 +20218,10 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
         float size = fabsf(low[a]) > fabsf(high[a]) ? fabsf(low[a]) : fabsf(high[a]);
         float bound = hyi_slab_bound(from_low > from_high ? from_low : from_high, z, size);
         bool falls = (packet->group >> a & 1u) != 0u;
-        packet->bound[a] = bound;
         packet->near_origin[a] = falls ? low[a] - bound : high[a] + bound;
         packet->far_origin[a] = falls ? high[a] + bound : low[a] - bound;
-        HYI_STOREW(packet->inverse[a == (int)axis ? 2 : (a + 3 - (int)axis) % 3 - 1], HYI_LOADW(inverse[a]));
+        HYI_STOREW(packet->inverse[a], HYI_LOADW(inverse[a]));
+        HYI_I(hyi_store_offsets)(HYI_LOADW(o[a]), HYI_SETW(falls ? -bound : bound), HYI_LOADW(inverse[a]), packet->near_offset[a], packet->far_offset[a]);
         packet->inverse_low[a] = HYI_LEASTW(HYI_LOADW(inverse[a]));
         packet->inverse_high[a] = HYI_GREATESTW(HYI_LOADW(inverse[a]));
     }
@@ -19319,8 +20238,6 @@ typedef struct HYI_I(hyi_block) {
     HYI_FW t_min, t_limit;
     HYI_MW falls[3], y, z; /* signs of the direction; its largest component is z, or else y, or else x */
 } HYI_I(hyi_block);
-
-HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_negative)(HYI_FW v) { return HYI_SUBW(HYI_ZEROW(), v); }
 
 /* A whole number in all lanes: these are only moved, and chosen from. */
 HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_whole)(uint32_t value) {
@@ -19528,11 +20445,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_SIZEW(v), back = HYI_I(hyi_negative)(HYI_LOADW(inverse[a]));
+        HYI_FW v = block->origin[a], size = HYI_SIZEW(v);
         HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
         bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
-        HYI_STOREW(near_offset[a], HYI_MULW(HYI_ADDW(v, bound), back));
-        HYI_STOREW(far_offset[a], HYI_MULW(HYI_SUBW(v, bound), back));
+        HYI_I(hyi_store_offsets)(v, bound, HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
     }
 }
 
@@ -20023,23 +20939,31 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_straight)(const hyi_site *site, 
     return true;
 }
 
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_alone)(const hyi_swarm *swarm, hyi_flight *flight, uint32_t leaf) {
+    if (!swarm->site.asks_alpha && !flight->aim.exact) return HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any);
+    bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
+    if (found && swarm->any) hyi_flight_stop(flight);
+    return found;
+}
+
+/* Flights by their numbers, each at a leaf of its own. Returns how many had a hit. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
-        hyi_flight *flight = &swarm->flights[list[i]];
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
-        if (swarm->site.asks_alpha || flight->aim.exact) {
-            bool found = HYI_I(hyi_offer_leaf)(&swarm->site, flight, leaf, swarm->any);
-            if (found && swarm->any) hyi_flight_stop(flight);
-            hits += found ? 1u : 0u;
-        } else {
-            hits += HYI_I(hyi_offer_leaf_straight)(&swarm->site, flight, leaf, swarm->any) ? 1u : 0u;
-        }
+        hyi_prefetch_child(swarm->site.bvh, leaves[i + 3u < count ? i + 3u : i]);
+        hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }
     return hits;
 }
 
 /* ---- all */
+
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0;
+    for (uint32_t i = 0; i < count; i++) hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaf) ? 1u : 0u;
+    return hits;
+}
 
 /* Some flights, at most HYI_LANES. */
 HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
@@ -20048,15 +20972,21 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_leaf_abreast)(const hyi_swarm *swarm,
     return swarm->any ? HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, true) : HYI_I(hyi_offer_leaf_abreast)(swarm, &abreast, leaf, false);
 }
 
-/* Returns how many rays of a list hit a triangle of a leaf. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_list_leaf_rays)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0, enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
+/* Rays of a list meet a leaf abreast as long as there are enough; returns how many are left, the last of the list. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_list_leaf_abreast)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *hits) {
+    uint32_t enough = HYI_ABREAST_LEAST(hyi_leaf_count(leaf));
     for (; count >= enough || count >= HYI_LANES; list += HYI_LANES) {
         uint32_t some = count < HYI_LANES ? count : HYI_LANES;
-        hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
+        *hits += HYI_I(hyi_leaf_abreast)(swarm, leaf, list, some);
         count -= some;
     }
-    return hits + HYI_I(hyi_offer_leaf_each)(swarm, leaf, list, count);
+    return count;
+}
+
+/* All of a list, where the leaf is all of the tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_list_leaf_whole)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t hits = 0, left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &hits);
+    (void)HYI_I(hyi_offer_leaf_each)(swarm, leaf, list + (count - left), left);
 }
 /* ---- many rays (expanded once for each instruction set)
 
@@ -20107,7 +21037,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hy
 }
 
 /* The same of packets, which have their near planes in common. Those that seem to meet many children, and begin at different points,
-   are looked at by each ray afterwards: a branch in the midst of the others would be taken by chance. */
+   are looked at by each ray afterwards, as no pairs are: a branch in the midst of the others would be taken by chance. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                    uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_I(hyi_planes) planes;
@@ -20247,6 +21177,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
     uint32_t mask = HYI_BITS8(HYI_LT8(HYI_LOADU8(nearest), HYI_SET8(FLT_MAX)));
     if (bvh->rows) HYI_I(hyi_prefetch_children)(bvh, node, mask);
     uint32_t leaves = swarm->any ? HYI_I(hyi_leaves_of)(node) & mask : 0u;
+    memcpy(frame->nearest, nearest, sizeof nearest);
     for (uint32_t c = 0; leaves && c < HYI_WIDTH; c++) nearest[c] = leaves >> c & 1u ? -FLT_MAX : nearest[c];
     HYI_I(hyi_order_children)(nearest, frame->order);
     frame->children = hyi_count_bits(mask);
@@ -20268,6 +21199,87 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, c
     return false;
 }
 
+/* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_leaves)(const hyi_swarm *swarm, hyi_waiters *w) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < w->at_leaves; i++) {
+        uint32_t ray = w->leaf_rays[i], leaf = w->leaves[i];
+        w->leaf_rays[kept] = ray;
+        w->leaves[kept] = leaf;
+        kept += w->enter[i] <= swarm->flights[ray].aim.t_far ? 1u : 0u;
+    }
+    w->at_leaves = 0;
+    return HYI_I(hyi_offer_leaves_each)(swarm, w->leaves, w->leaf_rays, kept);
+}
+
+/* Words without compression: HYI_WAIT_AT_CHILDREN. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_wait_at_each)(hyi_waiters *w, const hyi_node *node, uint32_t ray, HYI_M8 mask, HYI_F8 enter) {
+    float t[HYI_WIDTH];
+    HYI_STORE8(t, enter);
+    hyi_wait_at_children(w, node, ray, HYI_BITS8(mask), t);
+}
+
+/* Flights meet the nodes that they wait at, and all that comes after: the first of those that wait goes first, so that its node has time
+   to come from memory, and nothing is guessed. */
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hyi_waiters *w) {
+    const hyi_bvh *bvh = swarm->site.bvh;
+    uint32_t next = 0, hits = 0;
+    while (next < w->at_nodes) {
+        uint32_t i = w->at_nodes <= HYI_NODES_ENOUGH ? next++ : --w->at_nodes, ahead = next + 3u < w->at_nodes ? next + 3u : i;
+        const hyi_node *node = &bvh->nodes[w->nodes[i]];
+        const hyi_aim *aim = &swarm->flights[w->node_rays[i]].aim;
+        HYI_I(hyi_planes) planes;
+        HYI_F8 enter;
+        hyi_prefetch_child(bvh, w->nodes[ahead]);
+        hyi_prefetch(&swarm->flights[w->node_rays[ahead]]);
+        HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
+        HYI_M8 mask = HYI_I(hyi_meet_boxes)(aim, planes.near_planes, planes.far_planes, &enter, false);
+        HYI_WAIT_AT_CHILDREN(w, node, w->node_rays[i], mask, enter);
+        if (w->at_leaves >= HYI_LEAVES_ENOUGH) hits += HYI_I(hyi_run_leaves)(swarm, w);
+    }
+    w->at_nodes = 0;
+    return hits;
+}
+
+/* Flights that wait go on where there are enough of them. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_waiters)(hyi_journey *journey, uint32_t nodes, uint32_t leaves) {
+    uint32_t hits = 0;
+    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(&journey->swarm, &journey->waiters);
+    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(&journey->swarm, &journey->waiters);
+    return hits;
+}
+
+/* Sends short lists on, flight by flight. Copied without a branch on how many they are, which would be taken by chance. */
+HYI_INLINE void HYI_I(hyi_wait_at_node)(hyi_waiters *w, uint32_t at, const uint32_t *list, uint32_t count) {
+    memcpy(w->node_rays + w->at_nodes, list, HYI_NODES_OF_LIST * sizeof *list);
+    for (uint32_t i = 0; i < HYI_NODES_OF_LIST; i++) w->nodes[w->at_nodes + i] = at;
+    w->at_nodes += count;
+}
+
+/* The same at a leaf: as many as are too few to meet it abreast. */
+HYI_INLINE void HYI_I(hyi_wait_at_leaf)(hyi_waiters *w, uint32_t leaf, float enter, const uint32_t *list, uint32_t count) {
+    memcpy(w->leaf_rays + w->at_leaves, list, HYI_LEAVES_OF_LIST * sizeof *list);
+    for (uint32_t i = 0; i < HYI_LEAVES_OF_LIST; i++) {
+        w->leaves[w->at_leaves + i] = leaf;
+        w->enter[w->at_leaves + i] = enter;
+    }
+    w->at_leaves += count;
+}
+
+/* Offers the leaves that come next among a frame's children to their lists. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
+    const hyi_swarm *swarm = &journey->swarm;
+    bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
+    for (; frame->next < frame->children; frame->next++) {
+        uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
+        if (!hyi_child_is_leaf(leaf)) break;
+        if (cull && count >= HYI_ABREAST_LEAST(hyi_leaf_count(leaf))) count = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, count);
+        uint32_t left = HYI_I(hyi_list_leaf_abreast)(swarm, leaf, list, count, &frame->hits);
+        HYI_I(hyi_wait_at_leaf)(&journey->waiters, leaf, frame->nearest[c], list + (count - left), left);
+    }
+    frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
+}
+
 /* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
     const hyi_swarm *swarm = &journey->swarm;
@@ -20277,14 +21289,18 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
             if (--journey->depth) frame[-1].hits += frame->hits;
             continue;
         }
-        uint32_t c = frame->order[frame->next++], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-        if (!swarm->site.bvh->rows || !hyi_child_is_leaf(at)) {
-            if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+            HYI_I(hyi_list_leaves)(journey, frame);
             continue;
         }
-        uint32_t some = frame->dealt[c];
-        if (HYI_CULL_SHARE * frame->hits >= frame->count) some = HYI_I(hyi_still_meet)(swarm, frame->node, c, list, some);
-        frame->hits += HYI_I(hyi_list_leaf_rays)(swarm, at, list, some);
+        frame->next++;
+        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+            continue;
+        }
+        if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
     }
     return false;
 }
@@ -20306,22 +21322,33 @@ HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t 
         uint32_t first = k * share, some = count - first < share ? count - first : share;
         journeys[k].swarm = *swarm;
         journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = 0;
+        journeys[k].depth = journeys[k].waiters.at_leaves = journeys[k].waiters.at_nodes = 0;
         going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
     }
     while (going)
         for (uint32_t k = 0; k < parts; k++)
             if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
+    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_run_waiters)(&journeys[k], 0, 0);
 }
 
 /* The same, of any tree. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_send)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
     uint32_t root = swarm->site.bvh->root;
-    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) (void)HYI_I(hyi_list_leaf_rays)(swarm, root, list, count);
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(root)) HYI_I(hyi_list_leaf_whole)(swarm, root, list, count);
     else HYI_I(hyi_travel)(swarm, list, count, space);
 }
 
 /* ---- all rays of a slice */
+
+/* A list of packets of one group goes through the tree. */
+HYI_FN HYI_TARGET void HYI_I(hyi_send_packets)(hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
+    hyi_visitors visitors;
+    visitors.count = 0;
+    swarm->visitors = &visitors;
+    HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, list, count, space);
+    HYI_I(hyi_admit_all)(swarm);
+    swarm->visitors = NULL;
+}
 
 /* Sends count packets on their way, those of a group together. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, uint32_t *space) {
@@ -20332,7 +21359,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_packets)(hyi_swarm *swarm, uint32_t count, 
     for (uint32_t g = 0; g < HYI_RAY_GROUPS; g++) {
         if (first[g + 1] == first[g]) continue;
         hyi_set_group(swarm, g);
-        HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, order + first[g], first[g + 1] - first[g], space + room);
+        uint32_t some = hyi_pair_packets(swarm->packets, order + first[g], first[g + 1] - first[g], HYI_PAIRS);
+        HYI_I(hyi_send_packets)(swarm, order + first[g], some, space + room);
     }
 }
 
@@ -20346,7 +21374,8 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_run_alike)(hyi_swarm *swarm, uint32_t *rays
             for (uint32_t i = 0; i < some; i++) rays[others++] = rays[first + i];
         if (made < swarm->stream->packet_share && first + some < count) continue;
         for (uint32_t i = 0; i < made; i++) space[i] = i;
-        if (made) HYI_I(hyi_list_visit_packets)(swarm, swarm->site.bvh->root, space, made, space + ((made + 15u) & ~15u));
+        uint32_t going = hyi_pair_packets(swarm->packets, space, made, HYI_PAIRS);
+        if (going) HYI_I(hyi_send_packets)(swarm, space, going, space + ((made + 15u) & ~15u));
         for (uint32_t i = 0; i < made; i++) HYI_I(hyi_unpack_flights)(swarm, &swarm->packets[i]);
         made = 0;
     }
@@ -20481,6 +21510,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_M8
 #undef HYI_MAD4
 #undef HYI_MAD8
+#undef HYI_MADW
 #undef HYI_MAX2
 #undef HYI_MAX4
 #undef HYI_MAX4_AS_INTS
@@ -20506,6 +21536,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_OR4
 #undef HYI_OR8
 #undef HYI_ORW
+#undef HYI_PAIRS
 #undef HYI_PIN2
 #undef HYI_PIN4
 #undef HYI_PIN8
@@ -20538,6 +21569,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SUBW
 #undef HYI_TARGET
 #undef HYI_TURN4
+#undef HYI_WAIT_AT_CHILDREN
 #undef HYI_ZERO8
 #undef HYI_ZEROW
 
@@ -23678,6 +24710,7 @@ HYI_FN void hyi_commit_view(hydra_scene *scene) {
     accel->shapes = scene->shape_count ? &scene->shapes : NULL;
     accel->shape_lights = scene->shape_lights;
     accel->isa = scene->context->isa;
+    if (accel->single && !accel->empty) accel->vicinity = hyi_vicinity_of(hyi_first_site(accel).bvh);
 }
 
 HYI_FN void hyi_commit_info(hydra_scene *scene) {
