@@ -6096,7 +6096,7 @@ HYI_FN hyi_sort_shape hyi_shape_of_sort(const hyi_build *build) {
    fresh pages take up to a sixth of the time of the build. References have an eighth more places than there are triangles,
    for nodes to take later. Behind keys and their second array, where they are sorted, are the counts of the sort; of all three
    only the keys stay, and the rest is spare. */
-#define HYI_SPARE_BYTES 27u /* for each triangle: costs and parents where units have nine triangles for five or more */
+#define HYI_SPARE_BYTES 27u /* for each triangle: costs and parents where there are nine units for sixteen triangles at most */
 
 HYI_INLINE size_t hyi_quick_refs(uint32_t count) { return (size_t)count + count / 8u + 2u; }
 
@@ -6332,7 +6332,7 @@ HYI_INLINE void hyi_unit_set(hyi_ref *unit, const hyi_bounds *box, uint32_t firs
    next one, and what that adds to the cost of the tree, with one before the first. */
 #define HYI_UNIT_ROOM (HYI_PIECE + 8u)
 typedef struct hyi_units {
-    hyi_ref *refs;
+    hyi_ref *refs; /* in lane 3 of lower and upper: the first triangle of the part of the order, and the one after the last */
     float rows[8][HYI_UNIT_ROOM];
     float costs[HYI_UNIT_ROOM], losses[HYI_UNIT_ROOM];
     int32_t merges[HYI_UNIT_ROOM];
@@ -7072,10 +7072,10 @@ HYI_FN void hyi_split_middle(hyi_build *build, const hyi_range *range, hyi_range
    children stand here instead. */
 typedef struct hyi_cost {
     union {
-        float in_places[HYI_WIDTH];   /* least cost in 1 to 7 places, or fewer */
+        float in_places[HYI_WIDTH];   /* least cost in 1 to 8 places, or fewer */
         uint32_t members[HYI_WIDTH];
     } as;
-    uint8_t left[HYI_WIDTH];          /* of 2 to 8 places, those for the left child; 0: one place less does as well */
+    uint8_t left[HYI_WIDTH];          /* of 2 to 8 places, those for the left child; 0: one place less does as well; the last is not read */
     uint8_t tips;                     /* leaves of the binary tree, up to HYI_WIDTH; 0: costs are not known; children */
     uint8_t count;                    /* references, up to HYI_COUNT_MANY */
     bool leaf;                        /* in one place: whether as a leaf */
@@ -9232,7 +9232,7 @@ typedef struct hyi_turn {
     uint8_t bytes[16];
 } hyi_turn;
 
-/* Where most rays begin, in a tree's units, and what bounds the errors of all that do: see hyi_aim_slabs. All zero: nowhere. */
+/* Where most rays begin, in a tree's units, and what bounds the errors of all that do: see hyi_aim_slabs. Of trees of triangles alone. */
 typedef struct hyi_vicinity {
     float middle[4];    /* the last: of t_min, 0 */
     uint32_t radius[4]; /* bits of floats, as distances from middle are compared; the last: t_min is finite */
@@ -9634,7 +9634,7 @@ HYI_INLINE hyi_ahead hyi_ahead_of(const hyi_bvh *bvh) {
     return ahead;
 }
 
-/* Asks for a child: all of a node, and of a leaf as much. */
+/* Asks for a child: all of a node, and of a leaf as much, which is less than hyi_prefetch_child asks for: most are not read. */
 HYI_INLINE void hyi_ask_for(const hyi_ahead *ahead, uint32_t child) {
     uint32_t leaf = child >> 31;
     const char *at = ahead->base[leaf] + (child & HYI_CHILD_SLOT) * ahead->stride[leaf];
@@ -10266,7 +10266,7 @@ HYI_NOINLINE float hyi_settle_lane(const hyi_packet *packet, const hyi_bvh *bvh,
 HYI_INLINE bool hyi_join_packets(hyi_packet *lead, const hyi_packet *other) {
     bool apart = lead->spread || other->spread;
     for (int a = 0; a < 2; a++) apart = apart || !(fabsf(lead->shear_middle[a] - other->shear_middle[a]) + other->shear_half[a] <= HYI_PAIR_SLOPES);
-    for (int a = 0; a < 3; a++) apart = apart || lead->near_origin[a] != other->near_origin[a];
+    for (int a = 0; a < 3; a++) apart = apart || lead->origin[a][0] != other->origin[a][0];
     if (apart) return false;
     for (int a = 0; a < 3; a++) {
         lead->inverse_low[a] = lead->inverse_low[a] < other->inverse_low[a] ? lead->inverse_low[a] : other->inverse_low[a];
@@ -13106,7 +13106,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_wait_at_each)(hyi_waiters *w, const hyi_nod
 }
 
 /* Flights meet the nodes that they wait at, and all that comes after: the first of those that wait goes first, so that its node has time
-   to come from memory, and nothing is guessed. */
+   to come from memory, and nothing is guessed; the last where too many wait. */
 HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hyi_waiters *w) {
     const hyi_bvh *bvh = swarm->site.bvh;
     uint32_t next = 0, hits = 0;
@@ -15866,7 +15866,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_wait_at_each)(hyi_waiters *w, const hyi_nod
 }
 
 /* Flights meet the nodes that they wait at, and all that comes after: the first of those that wait goes first, so that its node has time
-   to come from memory, and nothing is guessed. */
+   to come from memory, and nothing is guessed; the last where too many wait. */
 HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hyi_waiters *w) {
     const hyi_bvh *bvh = swarm->site.bvh;
     uint32_t next = 0, hits = 0;
@@ -18552,7 +18552,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_wait_at_each)(hyi_waiters *w, const hyi_nod
 }
 
 /* Flights meet the nodes that they wait at, and all that comes after: the first of those that wait goes first, so that its node has time
-   to come from memory, and nothing is guessed. */
+   to come from memory, and nothing is guessed; the last where too many wait. */
 HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hyi_waiters *w) {
     const hyi_bvh *bvh = swarm->site.bvh;
     uint32_t next = 0, hits = 0;
@@ -21220,7 +21220,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_wait_at_each)(hyi_waiters *w, const hyi_nod
 }
 
 /* Flights meet the nodes that they wait at, and all that comes after: the first of those that wait goes first, so that its node has time
-   to come from memory, and nothing is guessed. */
+   to come from memory, and nothing is guessed; the last where too many wait. */
 HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hyi_waiters *w) {
     const hyi_bvh *bvh = swarm->site.bvh;
     uint32_t next = 0, hits = 0;

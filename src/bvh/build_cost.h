@@ -19,10 +19,10 @@
    children stand here instead. */
 typedef struct hyi_cost {
     union {
-        float in_places[HYI_WIDTH];   /* least cost in 1 to 7 places, or fewer */
+        float in_places[HYI_WIDTH];   /* least cost in 1 to 8 places, or fewer */
         uint32_t members[HYI_WIDTH];
     } as;
-    uint8_t left[HYI_WIDTH];          /* of 2 to 8 places, those for the left child; 0: one place less does as well */
+    uint8_t left[HYI_WIDTH];          /* of 2 to 8 places, those for the left child; 0: one place less does as well; the last is not read */
     uint8_t tips;                     /* leaves of the binary tree, up to HYI_WIDTH; 0: costs are not known; children */
     uint8_t count;                    /* references, up to HYI_COUNT_MANY */
     bool leaf;                        /* in one place: whether as a leaf */

@@ -230,7 +230,7 @@ HYI_FN hyi_sort_shape hyi_shape_of_sort(const hyi_build *build) {
    fresh pages take up to a sixth of the time of the build. References have an eighth more places than there are triangles,
    for nodes to take later. Behind keys and their second array, where they are sorted, are the counts of the sort; of all three
    only the keys stay, and the rest is spare. */
-#define HYI_SPARE_BYTES 27u /* for each triangle: costs and parents where units have nine triangles for five or more */
+#define HYI_SPARE_BYTES 27u /* for each triangle: costs and parents where there are nine units for sixteen triangles at most */
 
 HYI_INLINE size_t hyi_quick_refs(uint32_t count) { return (size_t)count + count / 8u + 2u; }
 

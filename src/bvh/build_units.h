@@ -33,7 +33,7 @@ HYI_INLINE void hyi_unit_set(hyi_ref *unit, const hyi_bounds *box, uint32_t firs
    next one, and what that adds to the cost of the tree, with one before the first. */
 #define HYI_UNIT_ROOM (HYI_PIECE + 8u)
 typedef struct hyi_units {
-    hyi_ref *refs;
+    hyi_ref *refs; /* in lane 3 of lower and upper: the first triangle of the part of the order, and the one after the last */
     float rows[8][HYI_UNIT_ROOM];
     float costs[HYI_UNIT_ROOM], losses[HYI_UNIT_ROOM];
     int32_t merges[HYI_UNIT_ROOM];

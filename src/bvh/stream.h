@@ -282,7 +282,7 @@ HYI_NOINLINE float hyi_settle_lane(const hyi_packet *packet, const hyi_bvh *bvh,
 HYI_INLINE bool hyi_join_packets(hyi_packet *lead, const hyi_packet *other) {
     bool apart = lead->spread || other->spread;
     for (int a = 0; a < 2; a++) apart = apart || !(fabsf(lead->shear_middle[a] - other->shear_middle[a]) + other->shear_half[a] <= HYI_PAIR_SLOPES);
-    for (int a = 0; a < 3; a++) apart = apart || lead->near_origin[a] != other->near_origin[a];
+    for (int a = 0; a < 3; a++) apart = apart || lead->origin[a][0] != other->origin[a][0];
     if (apart) return false;
     for (int a = 0; a < 3; a++) {
         lead->inverse_low[a] = lead->inverse_low[a] < other->inverse_low[a] ? lead->inverse_low[a] : other->inverse_low[a];

@@ -230,7 +230,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_wait_at_each)(hyi_waiters *w, const hyi_nod
 }
 
 /* Flights meet the nodes that they wait at, and all that comes after: the first of those that wait goes first, so that its node has time
-   to come from memory, and nothing is guessed. */
+   to come from memory, and nothing is guessed; the last where too many wait. */
 HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hyi_waiters *w) {
     const hyi_bvh *bvh = swarm->site.bvh;
     uint32_t next = 0, hits = 0;

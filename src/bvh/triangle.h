@@ -78,7 +78,7 @@ typedef struct hyi_turn {
     uint8_t bytes[16];
 } hyi_turn;
 
-/* Where most rays begin, in a tree's units, and what bounds the errors of all that do: see hyi_aim_slabs. All zero: nowhere. */
+/* Where most rays begin, in a tree's units, and what bounds the errors of all that do: see hyi_aim_slabs. Of trees of triangles alone. */
 typedef struct hyi_vicinity {
     float middle[4];    /* the last: of t_min, 0 */
     uint32_t radius[4]; /* bits of floats, as distances from middle are compared; the last: t_min is finite */

@@ -117,7 +117,7 @@ HYI_INLINE hyi_ahead hyi_ahead_of(const hyi_bvh *bvh) {
     return ahead;
 }
 
-/* Asks for a child: all of a node, and of a leaf as much. */
+/* Asks for a child: all of a node, and of a leaf as much, which is less than hyi_prefetch_child asks for: most are not read. */
 HYI_INLINE void hyi_ask_for(const hyi_ahead *ahead, uint32_t child) {
     uint32_t leaf = child >> 31;
     const char *at = ahead->base[leaf] + (child & HYI_CHILD_SLOT) * ahead->stride[leaf];
