@@ -12833,7 +12833,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_alone)(const hyi_swarm *swarm, h
 }
 
 /* Flights by their numbers, each at a leaf of its own. Returns how many had a hit. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
@@ -12845,10 +12845,11 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, 
 
 /* ---- all */
 
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0;
-    for (uint32_t i = 0; i < count; i++) hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaf) ? 1u : 0u;
-    return hits;
+/* The same of all at one leaf, at most HYI_LANES. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t leaves[HYI_LANES];
+    for (uint32_t i = 0; i < count; i++) leaves[i] = leaf;
+    return HYI_I(hyi_offer_leaves_each)(swarm, leaves, list, count);
 }
 
 /* Some flights, at most HYI_LANES. */
@@ -15593,7 +15594,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_alone)(const hyi_swarm *swarm, h
 }
 
 /* Flights by their numbers, each at a leaf of its own. Returns how many had a hit. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
@@ -15605,10 +15606,11 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, 
 
 /* ---- all */
 
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0;
-    for (uint32_t i = 0; i < count; i++) hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaf) ? 1u : 0u;
-    return hits;
+/* The same of all at one leaf, at most HYI_LANES. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t leaves[HYI_LANES];
+    for (uint32_t i = 0; i < count; i++) leaves[i] = leaf;
+    return HYI_I(hyi_offer_leaves_each)(swarm, leaves, list, count);
 }
 
 /* Some flights, at most HYI_LANES. */
@@ -18279,7 +18281,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_alone)(const hyi_swarm *swarm, h
 }
 
 /* Flights by their numbers, each at a leaf of its own. Returns how many had a hit. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
@@ -18291,10 +18293,11 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, 
 
 /* ---- all */
 
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0;
-    for (uint32_t i = 0; i < count; i++) hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaf) ? 1u : 0u;
-    return hits;
+/* The same of all at one leaf, at most HYI_LANES. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t leaves[HYI_LANES];
+    for (uint32_t i = 0; i < count; i++) leaves[i] = leaf;
+    return HYI_I(hyi_offer_leaves_each)(swarm, leaves, list, count);
 }
 
 /* Some flights, at most HYI_LANES. */
@@ -20947,7 +20950,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf_alone)(const hyi_swarm *swarm, h
 }
 
 /* Flights by their numbers, each at a leaf of its own. Returns how many had a hit. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
+HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, const uint32_t *leaves, const uint32_t *list, uint32_t count) {
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
@@ -20959,10 +20962,11 @@ HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *swarm, 
 
 /* ---- all */
 
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
-    uint32_t hits = 0;
-    for (uint32_t i = 0; i < count; i++) hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaf) ? 1u : 0u;
-    return hits;
+/* The same of all at one leaf, at most HYI_LANES. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_each)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count) {
+    uint32_t leaves[HYI_LANES];
+    for (uint32_t i = 0; i < count; i++) leaves[i] = leaf;
+    return HYI_I(hyi_offer_leaves_each)(swarm, leaves, list, count);
 }
 
 /* Some flights, at most HYI_LANES. */

@@ -114,14 +114,20 @@ static hyk_ray tl_axis_ray(const tl_scene *s, ht_rng *rng, float o[3]) {
     return ray;
 }
 
-static hyk_ray tl_one_ray(const tl_scene *s, ht_rng *rng, uint32_t kind) {
+/* The last only where denormals are numbers: t of such rays is below normal, and where that is 0, all that a ray meets is a tie. */
+static float tl_length(ht_rng *rng) {
     static const float lengths[] = {1e-42f, 1e-38f, 1e-30f, 1e-12f, 1e-9f, 1e9f, 1e12f, 1e30f, 1e37f};
+    volatile float least = 1e-40f;
+    return lengths[ht_below(rng, (uint32_t)HYI_COUNT(lengths) - (2.0f * least > 0.0f ? 0u : 1u))];
+}
+
+static hyk_ray tl_one_ray(const tl_scene *s, ht_rng *rng, uint32_t kind) {
     float o[3], p[3];
     for (int a = 0; a < 3; a++) o[a] = ht_range(rng, -s->size, s->size) * (kind == TL_FAR ? 1e6f : 1.0f);
     for (int a = 0; a < 3; a++) p[a] = ht_range(rng, -s->size, s->size);
     if (kind == TL_AXES) return tl_axis_ray(s, rng, o);
     if (kind == TL_SEAMS || (kind == TL_FAR && ht_below(rng, 2))) tl_seam(s, rng, p);
-    hyk_ray ray = tl_ray(o, p, kind == TL_LENGTHS ? lengths[ht_below(rng, (uint32_t)HYI_COUNT(lengths))] : 1.0f);
+    hyk_ray ray = tl_ray(o, p, kind == TL_LENGTHS ? tl_length(rng) : 1.0f);
     if (kind == TL_LIMITS) {
         ray.t_min = ht_range(rng, -1, 1);
         ray.t_max = ht_range(rng, -0.5f, 1.5f);
