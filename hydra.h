@@ -10029,7 +10029,7 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_LEAVES_OF_LIST 12u   /* more than go one by one of any list at a leaf */
 #define HYI_LEAVES_MOST (HYI_LEAVES_LEAST + HYI_WIDTH * HYI_LEAVES_OF_LIST)
 #define HYI_NODES_LEAST 32u
-#define HYI_NODES_ENOUGH 128u    /* the last goes first where more wait */
+#define HYI_NODES_ENOUGH 512u    /* the last goes first where more wait, and its node has no time to come */
 #define HYI_NODES_OF_LIST 4u     /* lists that are no longer fall apart at a node */
 #define HYI_NODES_MOST (HYI_NODES_ENOUGH + HYI_WIDTH * (HYI_TREE_DEPTH + 2u)) /* seven wait on each level, and eight are stored at a time */
 HYI_STATIC_ASSERT(HYI_ABREAST_LEAST(HYI_LEAF_MAX) <= HYI_LEAVES_OF_LIST && HYI_NODES_LEAST + HYI_NODES_OF_LIST <= HYI_NODES_ENOUGH);
