@@ -402,7 +402,7 @@ static void many_rays(void **state) {
     tl_compare(&s, s.scene->accel.isa, TL_MOST, TL_MOST);
     ht_ok(s.host.context, hyi_ray_stream_alloc(s.host.context, &s.scene->accel, TL_MOST, &stream));
     hyi_site site = hyi_first_site(&s.scene->accel);
-    hyi_begun begun = {0, 0, 0, true};
+    hyi_begun begun = {0, 0, 0, {0.0f, 0.0f, 0.0f}, true};
     hyi_answers answers = {tl_hits, NULL, NULL};
     HYI_DISPATCH_VECTOR(site.accel->isa, hyi_begin_rays, (&site, &stream, tl_rays, &answers, stream.capacity, stream.packet_share, &begun))
     assert_true(begun.sound && begun.flights <= begun.rays / 4);
@@ -579,7 +579,7 @@ static void waiting_in_numbers(void **state) {
         hyi_accel accel = s.scene->accel;
         hyi_ray_stream stream;
         hyi_swarm swarm;
-        hyi_begun begun = {0, 0, 0, true};
+        hyi_begun begun = {0, 0, 0, {0.0f, 0.0f, 0.0f}, true};
         hyi_answers answers = {tl_hits, NULL, NULL};
         accel.isa = (hydra_isa)isa;
         if (!hyi_isa_is_there(accel.isa)) continue;

@@ -32,9 +32,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, HYI_F4 o, HYI_F4 d
     HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     bound = HYI_SIGNED4(bound, d);
     HYI_STORE_PLACES4(aim->near_plane, d);
+    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
     HYI_STORE4(aim->inverse, inverse);
     HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
-    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
 }
 
 /* The largest component of a direction, without a branch, which would be guessed wrong half of the time. bits: of floats. */

@@ -263,17 +263,38 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW ori
     return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_SIZEW(origin)));
 }
 
-/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
-                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+/* Whether all lanes begin where the vicinity of the tree bounds their errors. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_near_by)(const hyi_site *site, const HYI_I(hyi_block) *block) {
+    const hyi_vicinity *vicinity = &site->accel->vicinity;
+    float radius[3];
+    uint32_t within = site->accel->single ? HYI_ALLW : 0u;
+    memcpy(radius, vicinity->radius, sizeof radius);
+    for (uint32_t a = 0; a < 3; a++) within &= HYI_I(hyi_within)(HYI_SUBW(block->origin[a], HYI_SETW(vicinity->middle[a])), HYI_SETW(radius[a]));
+    return within == HYI_ALLW;
+}
+
+/* hyi_slab_bound for all lanes, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_bound_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, HYI_FW bound[3]) {
     HYI_FW reach[3];
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
+    for (int a = 0; a < 3; a++)
+        bound[a] = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), HYI_SIZEW(block->origin[a])));
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. most: see hyi_cover_slabs. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_site *site, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH], float most[3]) {
+    bool near_by = HYI_I(hyi_begin_near_by)(site, block);
+    HYI_FW bound[3];
+    if (near_by)
+        for (int a = 0; a < 3; a++) bound[a] = HYI_SETW(site->accel->vicinity.bound[a]);
+    else HYI_I(hyi_bound_lanes)(site->bvh, block, bound);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_SIZEW(v);
-        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
-        bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
-        HYI_I(hyi_store_offsets)(v, bound, HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
+        float greatest = near_by ? site->accel->vicinity.bound[a] : HYI_GREATESTW(bound[a]);
+        most[a] = greatest > most[a] ? greatest : most[a];
+        bound[a] = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound[a]), bound[a]);
+        HYI_I(hyi_store_offsets)(block->origin[a], bound[a], HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
     }
 }
 
@@ -287,8 +308,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, f
 }
 
 /* Flights of rays first, first + 1, ... of what was filled into a packet. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
-                                                  const hyk_ray *rays, hyi_flight *flights) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_site *site, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
+                                                  const hyk_ray *rays, hyi_flight *flights, float most[3]) {
     float near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
     float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
     static const uint32_t none[HYI_PACKET_WIDTH] = {0};
@@ -297,10 +318,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     memset(&blank, 0, sizeof blank);
     blank.aim.unit = blank.aim.inverse_unit = 1.0;
     blank.best.instance = blank.best.primitive = HYK_NONE;
-    HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
+    HYI_I(hyi_offset_lanes)(site, block, inverse, near_offset, far_offset, most);
     HYI_I(hyi_name_axes)(block, plane, axis);
-    const void *boxes[16] = {plane[0], plane[1], plane[2], inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2],
-                             far_offset[0], far_offset[1], far_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
+    const void *boxes[16] = {plane[0], plane[1], plane[2], far_offset[0], far_offset[1], far_offset[2], inverse[0], inverse[1], inverse[2],
+                             near_offset[0], near_offset[1], near_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
     const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
                                  p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
     HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.near_plane));
@@ -316,7 +337,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
 }
 
 /* Flights of HYI_LANES others, by their numbers, in the tree of site; false: they must enter one by one. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below) {
+HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below, float most[3]) {
     float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
     hyk_ray rays[HYI_PACKET_WIDTH];
     HYI_I(hyi_block) block;
@@ -324,7 +345,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
     for (uint32_t i = 0; i < HYI_LANES; i++) rays[i] = hyi_ray_below(&above[numbers[i]], site);
     if (!HYI_I(hyi_load_block)(site->bvh, rays, &block)) return false;
     HYI_I(hyi_fill_packet)(&block, &packet, o, inverse);
-    HYI_I(hyi_cut_flights)(site->bvh, &block, &packet, inverse, rays, below);
+    HYI_I(hyi_cut_flights)(site, &block, &packet, inverse, rays, below, most);
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         below[i].ray = above[numbers[i]].ray;
         below[i].best = above[numbers[i]].best;
@@ -348,7 +369,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_strea
         HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
         uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
         if (rest == 0) continue;
-        HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
+        HYI_I(hyi_cut_flights)(site, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights, begun->bound);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
 }

@@ -238,7 +238,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_BITSW(m) ((uint32_t)_mm256_movemask_ps(m))
 #define HYI_PINW(a) hyi_pin8_avx2(a)
 #define HYI_GREATESTW(a) hyi_greatest_avx2(a)
-#define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
+#define HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, nearest) 0u
 #define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) hyi_wait_at_children_avx2(waiters, node, ray, HYI_BITS8(mask), enter)
 
 #define HYI_STOREW(p, a) _mm256_storeu_ps(p, a)
@@ -265,6 +265,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #include "walk_body.inc.h"
 #include "packet_body.inc.h"
 #include "begin_body.inc.h"
+#include "lanes_turn.inc.h"
 #include "unpack_body.inc.h"
 #include "leaf_body.inc.h"
 #include "stream_body.inc.h"

@@ -98,59 +98,84 @@ HYI_INLINE HYI_AVX512 void hyi_four_words_avx512(const char *const at[16], size_
 /* ---- flights side by side at a node
 
    What else meets the boxes of a node ray by ray, eight boxes at a time, meets them here box by box, sixteen or eight rays at a time:
-   planes are broadcast instead of rays, of which there are more, and who enters a child is known in the order of the list. Without
-   masks for a choice between planes there is nothing to gain. */
+   planes are broadcast instead of rays, of which there are more, and who enters a child is known in the order of the list. Boxes go by
+   their middles and halves, which fall and rise along with a ray's direction: no lane has to choose between planes, and one offset is read
+   of each ray. */
 
-/* hyi_aim of flights from inverse to inverse_z; where each component of the direction is negative. */
+/* hyi_aim of flights from inverse to t_far, and the sizes of inverse. */
 typedef struct hyi_slabs8_avx512 {
-    __m256 words[12];
-    __mmask8 falls[3];
+    __m256 words[8], size[3];
 } hyi_slabs8_avx512;
 
 typedef struct hyi_slabs16_avx512 {
-    __m512 words[12];
-    __mmask16 falls[3];
+    __m512 words[8], size[3];
 } hyi_slabs16_avx512;
 
-HYI_STATIC_ASSERT(offsetof(hyi_aim, near_offset) - offsetof(hyi_aim, inverse) == 12 && offsetof(hyi_aim, far_offset) - offsetof(hyi_aim, inverse) == 24 &&
-                  offsetof(hyi_aim, t_near) - offsetof(hyi_aim, inverse) == 36 && offsetof(hyi_aim, t_far) - offsetof(hyi_aim, inverse) == 40);
+HYI_STATIC_ASSERT(offsetof(hyi_aim, near_offset) - offsetof(hyi_aim, inverse) == 12 && offsetof(hyi_aim, t_near) - offsetof(hyi_aim, inverse) == 24 &&
+                  offsetof(hyi_aim, t_far) - offsetof(hyi_aim, inverse) == 28);
+
+/* Boxes of a node: their middles, and what is between these and the planes that rays enter and leave by. */
+typedef struct hyi_centred_avx512 {
+    float middle[3][HYI_WIDTH], to_near[3][HYI_WIDTH], to_far[3][HYI_WIDTH];
+} hyi_centred_avx512;
+
+/* Offsets are those of origins moved back by each ray's bound, so boxes end beyond the far planes by twice the greatest. What is rounded
+   more than in hyi_meet_boxes, in 2^-24: the middle, by its distance from the ray and the origin at most, the half and t at the middle, by
+   the former. A quarter of the bound is more (hyi_slab_bound), and is added on both sides. */
+HYI_INLINE HYI_AVX512 void hyi_centre_boxes_avx512(const hyi_swarm *swarm, const hyi_node *node, hyi_centred_avx512 *boxes) {
+    const __m256 half = _mm256_set1_ps(0.5f);
+    for (int a = 0; a < 3; a++) {
+        __m256 lower = _mm256_load_ps(node->planes[2 * a]), upper = _mm256_load_ps(node->planes[2 * a + 1]), bound = _mm256_set1_ps(swarm->bound[a]);
+        __m256 to_near = _mm256_fmadd_ps(_mm256_set1_ps(0.25f), bound, _mm256_mul_ps(_mm256_sub_ps(upper, lower), half));
+        _mm256_storeu_ps(boxes->middle[a], _mm256_mul_ps(_mm256_add_ps(lower, upper), half));
+        _mm256_storeu_ps(boxes->to_near[a], to_near);
+        _mm256_storeu_ps(boxes->to_far[a], _mm256_fmadd_ps(_mm256_set1_ps(2.0f), bound, to_near));
+    }
+}
+
+/* Boxes stay in memory, from where they are broadcast for nothing: gcc would broadcast them once, into 72 vectors on the stack. */
+HYI_INLINE void hyi_keep_in_memory_avx512(hyi_centred_avx512 *boxes) {
+#if HYI_GNU
+    __asm__("" : "+m"(*boxes));
+#else
+    (void)boxes;
+#endif
+}
 
 HYI_INLINE HYI_AVX512 void hyi_load_slabs8_avx512(const hyi_flight *flights, const uint32_t list[8], hyi_slabs8_avx512 *s) {
     const char *at[8];
     for (uint32_t i = 0; i < 8u; i++) at[i] = (const char *)flights[list[i]].aim.inverse;
-    for (uint32_t word = 0; word < 12u; word += 4u) hyi_four_words_avx2(at, 4u * word, s->words + word);
-    for (int a = 0; a < 3; a++) s->falls[a] = _mm256_movepi32_mask(_mm256_castps_si256(s->words[a]));
+    for (uint32_t word = 0; word < 8u; word += 4u) hyi_four_words_avx2(at, 4u * word, s->words + word);
+    for (int a = 0; a < 3; a++) s->size[a] = _mm256_andnot_ps(_mm256_set1_ps(-0.0f), s->words[a]);
 }
 
 HYI_INLINE HYI_AVX512 void hyi_load_slabs16_avx512(const hyi_flight *flights, const uint32_t list[16], hyi_slabs16_avx512 *s) {
     const char *at[16];
     for (uint32_t i = 0; i < 16u; i++) at[i] = (const char *)flights[list[i]].aim.inverse;
-    for (uint32_t word = 0; word < 12u; word += 4u) hyi_four_words_avx512(at, 4u * word, s->words + word);
-    for (int a = 0; a < 3; a++) s->falls[a] = _mm512_movepi32_mask(_mm512_castps_si512(s->words[a]));
+    for (uint32_t word = 0; word < 8u; word += 4u) hyi_four_words_avx512(at, 4u * word, s->words + word);
+    for (int a = 0; a < 3; a++) s->size[a] = _mm512_abs_ps(s->words[a]);
 }
 
-/* Who meets the box of child c, and where: hyi_meet_boxes. */
-HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child8_avx512(const hyi_slabs8_avx512 *s, const hyi_node *node, uint32_t c, __m256 *enter) {
-    const __m256 *inverse = s->words, *near_offset = inverse + 3, *far_offset = inverse + 6;
-    __m256 first = s->words[9], last = s->words[10];
+/* Who meets the box of child c, and where. */
+HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child8_avx512(const hyi_slabs8_avx512 *s, const hyi_centred_avx512 *boxes, uint32_t c, __m256 *enter) {
+    const __m256 *inverse = s->words, *near_offset = inverse + 3;
+    __m256 first = s->words[6], last = s->words[7];
     for (int a = 0; a < 3; a++) {
-        __m256 lower = _mm256_set1_ps(node->planes[2 * a][c]), upper = _mm256_set1_ps(node->planes[2 * a + 1][c]);
-        __m256 near_plane = _mm256_mask_blend_ps(s->falls[a], lower, upper), far_plane = _mm256_mask_blend_ps(s->falls[a], upper, lower);
-        first = _mm256_max_ps(first, _mm256_fmadd_ps(near_plane, inverse[a], near_offset[a]));
-        last = _mm256_min_ps(last, _mm256_fmadd_ps(far_plane, inverse[a], far_offset[a]));
+        __m256 middle = _mm256_fmadd_ps(inverse[a], _mm256_set1_ps(boxes->middle[a][c]), near_offset[a]);
+        first = _mm256_max_ps(first, _mm256_fnmadd_ps(s->size[a], _mm256_set1_ps(boxes->to_near[a][c]), middle));
+        last = _mm256_min_ps(last, _mm256_fmadd_ps(s->size[a], _mm256_set1_ps(boxes->to_far[a][c]), middle));
     }
     *enter = first;
     return _mm256_cmp_ps_mask(first, last, _CMP_LE_OQ);
 }
 
-HYI_INLINE HYI_AVX512 __mmask16 hyi_meet_child16_avx512(const hyi_slabs16_avx512 *s, const hyi_node *node, uint32_t c, __m512 *enter) {
-    const __m512 *inverse = s->words, *near_offset = inverse + 3, *far_offset = inverse + 6;
-    __m512 first = s->words[9], last = s->words[10];
+HYI_INLINE HYI_AVX512 __mmask16 hyi_meet_child16_avx512(const hyi_slabs16_avx512 *s, const hyi_centred_avx512 *boxes, uint32_t c, __m512 *enter) {
+    const __m512 *inverse = s->words, *near_offset = inverse + 3;
+    __m512 first = s->words[6], last = s->words[7];
     for (int a = 0; a < 3; a++) {
-        __m512 lower = _mm512_set1_ps(node->planes[2 * a][c]), upper = _mm512_set1_ps(node->planes[2 * a + 1][c]);
-        __m512 near_plane = _mm512_mask_blend_ps(s->falls[a], lower, upper), far_plane = _mm512_mask_blend_ps(s->falls[a], upper, lower);
-        first = _mm512_max_ps(first, _mm512_fmadd_ps(near_plane, inverse[a], near_offset[a]));
-        last = _mm512_min_ps(last, _mm512_fmadd_ps(far_plane, inverse[a], far_offset[a]));
+        __m512 middle = _mm512_fmadd_ps(inverse[a], _mm512_set1_ps(boxes->middle[a][c]), near_offset[a]);
+        first = _mm512_max_ps(first, _mm512_fnmadd_ps(s->size[a], _mm512_set1_ps(boxes->to_near[a][c]), middle));
+        last = _mm512_min_ps(last, _mm512_fmadd_ps(s->size[a], _mm512_set1_ps(boxes->to_far[a][c]), middle));
     }
     *enter = first;
     return _mm512_cmp_ps_mask(first, last, _CMP_LE_OQ);
@@ -164,52 +189,100 @@ HYI_INLINE HYI_AVX512 __m256 hyi_least_of_each_avx512(const __m256 v[8]) {
     return _mm256_min_ps(_mm256_permute2f128_ps(b[0], b[1], 0x20), _mm256_permute2f128_ps(b[0], b[1], 0x31));
 }
 
-/* Deals out a list of flights as far as it makes blocks of sixteen, and returns how far; least: of each child, where rays enter it. */
-HYI_INLINE HYI_AVX512 uint32_t hyi_deal_sixteens_avx512(const hyi_flight *flights, const hyi_node *node, const uint32_t *list, uint32_t count,
-                                                        uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH]) {
+/* Deals out a list of flights as far as it makes blocks of sixteen, and returns how far; least: of each child, where rays enter it, which
+   none asks of rays that any hit ends. */
+HYI_INLINE HYI_AVX512 uint32_t hyi_deal_sixteens_avx512(const hyi_flight *flights, hyi_centred_avx512 *boxes, const uint32_t *list, uint32_t count,
+                                                        uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH], bool any) {
     __m512 enters[HYI_WIDTH];
     uint32_t first = 0;
     for (uint32_t c = 0; c < HYI_WIDTH; c++) enters[c] = _mm512_set1_ps(FLT_MAX);
     for (; first + 16u <= count; first += 16u) {
         hyi_slabs16_avx512 slabs;
         __m512i items = _mm512_loadu_si512(list + first);
+        hyi_keep_in_memory_avx512(boxes);
         hyi_load_slabs16_avx512(flights, list + first, &slabs);
         HYI_UNROLL_8
         for (uint32_t c = 0; c < HYI_WIDTH; c++) {
             __m512 enter;
-            __mmask16 takes = hyi_meet_child16_avx512(&slabs, node, c, &enter);
-            enters[c] = _mm512_mask_min_ps(enters[c], takes, enters[c], enter);
+            __mmask16 takes = hyi_meet_child16_avx512(&slabs, boxes, c, &enter);
+            if (!any) enters[c] = _mm512_mask_min_ps(enters[c], takes, enters[c], enter);
             _mm512_storeu_si512(lists + (size_t)c * stride + dealt[c], _mm512_maskz_compress_epi32(takes, items));
             dealt[c] += (uint32_t)_mm_popcnt_u32(hyi_bits16_avx512(takes));
         }
     }
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) least[c] = _mm256_min_ps(_mm512_castps512_ps256(enters[c]), _mm512_extractf32x8_ps(enters[c], 1));
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        __m256 of_two = _mm256_min_ps(_mm512_castps512_ps256(enters[c]), _mm512_extractf32x8_ps(enters[c], 1));
+        least[c] = any ? _mm256_set1_ps(dealt[c] ? HYI_T_SOONEST : FLT_MAX) : of_two;
+    }
     return first;
 }
 
-/* Deals out a list of flights as far as it makes blocks of eight, and returns how far; nearest: as hyi_deal_rays has it. */
-HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_flight *flights, const hyi_node *node, const uint32_t *list, uint32_t count,
-                                                      uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 *nearest) {
-    __m256 least[HYI_WIDTH];
-    uint32_t first = 0;
-    if (count < 8u) return 0;
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) least[c] = *nearest;
-    if (count >= HYI_SIXTEENS_LEAST) first = hyi_deal_sixteens_avx512(flights, node, list, count, lists, stride, dealt, least);
+/* The same by eights. */
+HYI_INLINE HYI_AVX512 uint32_t hyi_deal_eights_avx512(const hyi_flight *flights, hyi_centred_avx512 *boxes, const uint32_t *list, uint32_t first, uint32_t count,
+                                                      uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH]) {
     for (; first + 8u <= count; first += 8u) {
         hyi_slabs8_avx512 slabs;
         __m256i items = _mm256_loadu_si256((const __m256i *)(const void *)(list + first));
+        hyi_keep_in_memory_avx512(boxes);
         hyi_load_slabs8_avx512(flights, list + first, &slabs);
         HYI_UNROLL_8
         for (uint32_t c = 0; c < HYI_WIDTH; c++) {
             __m256 enter;
-            __mmask8 takes = hyi_meet_child8_avx512(&slabs, node, c, &enter);
+            __mmask8 takes = hyi_meet_child8_avx512(&slabs, boxes, c, &enter);
             least[c] = _mm256_mask_min_ps(least[c], takes, least[c], enter);
             hyi_append_avx512(lists + (size_t)c * stride + dealt[c], items, takes);
             dealt[c] += (uint32_t)_mm_popcnt_u32(hyi_bits8_avx512(takes));
         }
     }
+    return first;
+}
+
+/* Deals out a list of flights as far as it makes blocks of eight, and returns how far; nearest: as hyi_deal_rays has it. */
+HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                                      uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 *nearest) {
+    __m256 least[HYI_WIDTH];
+    hyi_centred_avx512 boxes;
+    uint32_t first, taken[HYI_WIDTH] = {0}; /* apart from dealt, which lies in memory with the lists */
+    if (count < 8u) return 0;
+    hyi_centre_boxes_avx512(swarm, node, &boxes);
+    if (swarm->any) first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least, true);
+    else first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least, false);
+    first = hyi_deal_eights_avx512(swarm->flights, &boxes, list, first, count, lists, stride, taken, least);
+    memcpy(dealt, taken, sizeof taken);
     *nearest = hyi_least_of_each_avx512(least);
     return first;
+}
+
+/* ---- corners of a leaf's triangles in the order of the axes of each lane: looked up */
+
+typedef struct hyi_frames_avx512 {
+    __m512i place[3]; /* of each axis in hyi_leaf_all_avx512 */
+} hyi_frames_avx512;
+
+HYI_INLINE HYI_AVX512 hyi_frames_avx512 hyi_frames_of_avx512(const __m512 axis[3]) {
+    hyi_frames_avx512 frames;
+    for (int i = 0; i < 3; i++) frames.place[i] = _mm512_slli_epi32(_mm512_castps_si512(axis[i]), 3);
+    return frames;
+}
+
+/* Of each corner, x of eight triangles, y of eight, and z. */
+typedef struct hyi_leaf_all_avx512 {
+    __m512 xy[3], z[3];
+} hyi_leaf_all_avx512;
+
+HYI_INLINE HYI_AVX512 hyi_leaf_all_avx512 hyi_open_leaf_avx512(const float *rows, uint32_t count) {
+    hyi_leaf_all_avx512 leaf;
+    for (uint32_t k = 0; k < 3u; k++) {
+        const float *row = rows + 3u * k * count;
+        leaf.xy[k] = _mm512_insertf32x8(_mm512_castps256_ps512(_mm256_loadu_ps(row)), _mm256_loadu_ps(row + count), 1);
+        leaf.z[k] = _mm512_castps256_ps512(_mm256_loadu_ps(row + 2u * count));
+    }
+    return leaf;
+}
+
+HYI_INLINE HYI_AVX512 void hyi_turn_corner_avx512(const hyi_frames_avx512 *frames, const hyi_leaf_all_avx512 *leaf, uint32_t triangle, uint32_t k, __m512 turned[3]) {
+    __m512i at = _mm512_set1_epi32((int)triangle);
+    for (int i = 0; i < 3; i++) turned[i] = _mm512_permutex2var_ps(leaf->xy[k], _mm512_add_epi32(frames->place[i], at), leaf->z[k]);
 }
 
 /* hyi_wait_at_children, without a branch. */
@@ -365,8 +438,8 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_BITSW(m) hyi_bits16_avx512(m)
 #define HYI_PINW(a) hyi_pin16_avx512(a)
 #define HYI_GREATESTW(a) _mm512_reduce_max_ps(a)
-#define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) \
-    hyi_deal_blocks_avx512(flights, node, list, count, lists, stride, dealt, nearest)
+#define HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, nearest) \
+    hyi_deal_blocks_avx512(swarm, node, list, count, lists, stride, dealt, nearest)
 #define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) hyi_wait_at_children_avx512(waiters, node, ray, mask, enter)
 
 #define HYI_STOREW(p, a) _mm512_storeu_ps(p, a)

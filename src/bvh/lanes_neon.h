@@ -107,6 +107,7 @@ HYI_INLINE void hyi_store_places4_neon(uint32_t *at, uint32x4_t bits) {
 #include "walk_body.inc.h"
 #include "packet_body.inc.h"
 #include "begin_body.inc.h"
+#include "lanes_turn.inc.h"
 #include "unpack_body.inc.h"
 #include "leaf_body.inc.h"
 #include "stream_body.inc.h"

@@ -73,6 +73,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 #include "walk_body.inc.h"
 #include "packet_body.inc.h"
 #include "begin_body.inc.h"
+#include "lanes_turn.inc.h"
 #include "unpack_body.inc.h"
 #include "leaf_body.inc.h"
 #include "stream_body.inc.h"

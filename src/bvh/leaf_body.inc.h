@@ -10,8 +10,8 @@
 typedef struct HYI_I(hyi_abreast) {
     hyi_packet rays;
     hyi_flight *flights[HYI_PACKET_WIDTH];
-    HYI_I(hyi_block) turn; /* its y and z */
-    uint32_t live;         /* bits of the lanes with a flight */
+    HYI_I(hyi_frames) frames;
+    uint32_t live; /* bits of the lanes with a flight */
 } HYI_I(hyi_abreast);
 
 /* Flights by their numbers; lanes beyond the last repeat the first. false: float tells nothing of some. */
@@ -38,8 +38,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_abreast)(const hyi_swarm *swarm, const u
     HYI_STOREW(rays->shear[0], start[3]);
     HYI_STOREW(rays->shear[1], frame[0]);
     HYI_STOREW(rays->direction[2], HYI_DIVW(HYI_SETW(1.0f), limits[2])); /* a rounding off: bounds of errors are all it is for */
-    abreast->turn.y = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(1));
-    abreast->turn.z = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(2));
+    abreast->frames = HYI_I(hyi_frames_of)(frame + 1);
     abreast->live = HYI_ALLW >> (HYI_LANES - count);
     return true;
 }
@@ -109,12 +108,11 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI
 }
 
 /* Triangle number triangle of a leaf to all lanes; returns those that certainly miss it. */
-HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const float *rows, uint32_t count, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const HYI_I(hyi_leaf_all) *leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
     for (uint32_t k = 0; k < 3; k++) {
-        const float *row = rows + 3u * k * count + triangle;
-        const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[count]), HYI_SETW(row[2u * count])};
-        HYI_FW x = HYI_I(hyi_turn)(&abreast->turn, v, 0), y = HYI_I(hyi_turn)(&abreast->turn, v, 1), z = HYI_I(hyi_turn)(&abreast->turn, v, 2);
-        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, x, y, z);
+        HYI_FW v[3];
+        HYI_I(hyi_turn_corner)(&abreast->frames, leaf, triangle, k, v);
+        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, v[0], v[1], v[2]);
     }
     HYI_MW misses = HYI_I(hyi_meet_corners_all)(&abreast->rays, m);
     m->possible &= abreast->live;
@@ -124,16 +122,16 @@ HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_ab
 /* Offers a leaf's triangles, one after the other, to all lanes. Few lanes may hit any one of them, so these are judged together.
    Returns how many have a hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf), triangle = 0, found = 0;
+    HYI_I(hyi_leaf_all) all = HYI_I(hyi_open_leaf)(hyi_leaf_rows(swarm->site.bvh, leaf), count);
     HYI_I(hyi_held) held;
-    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &held.m);
+    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, &all, triangle, &held.m);
     while (!held.m.possible && ++triangle < count);
     if (triangle == count) return 0;
     held.triangle = HYI_I(hyi_whole)(triangle);
     while (++triangle < count) {
         HYI_I(hyi_meeting) m;
-        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
+        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, &all, triangle, &m);
         if (!m.possible) continue;
         if (m.possible & held.m.possible) {
             found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);

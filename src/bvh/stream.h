@@ -46,12 +46,11 @@
 #define HYI_LEAVES_MOST (HYI_LEAVES_LEAST + HYI_WIDTH * HYI_LEAVES_OF_LIST)
 #define HYI_NODES_LEAST 32u
 #define HYI_NODES_ENOUGH 512u    /* the last goes first where more wait, and its node has no time to come */
-#define HYI_NODES_OF_LIST 4u     /* lists that are no longer fall apart at a node */
+#define HYI_NODES_OF_LIST 6u     /* lists that are no longer fall apart at a node */
 #define HYI_NODES_MOST (HYI_NODES_ENOUGH + HYI_WIDTH * (HYI_TREE_DEPTH + 2u)) /* seven wait on each level, and eight are stored at a time */
 HYI_STATIC_ASSERT(HYI_ABREAST_LEAST(HYI_LEAF_MAX) <= HYI_LEAVES_OF_LIST && HYI_NODES_LEAST + HYI_NODES_OF_LIST <= HYI_NODES_ENOUGH);
 HYI_STATIC_ASSERT(HYI_LEAVES_ENOUGH + 2u * HYI_WIDTH <= HYI_LEAVES_MOST);
 
-#define HYI_SIXTEENS_LEAST 48u   /* so many flights of a list meet a node in sixteens, where vectors have as many lanes */
 #define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
 #define HYI_LARGE_TREE ((size_t)96 << 20)
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
@@ -123,6 +122,7 @@ typedef struct hyi_swarm {
     hyi_packet *packets;
     hyi_visitors *visitors; /* of packets; NULL: there are none */
     uint32_t near_plane[3], axis[3]; /* of all packets on a list */
+    float bound[3];                  /* of all flights: see hyi_cover_slabs */
     bool any;
 } hyi_swarm;
 
@@ -164,7 +164,8 @@ HYI_INLINE void hyi_wait_at_children(hyi_waiters *w, const hyi_node *node, uint3
 /* What the first of a slice of rays have become: those that meet nothing are neither. */
 typedef struct hyi_begun {
     uint32_t rays, packets, flights;
-    bool sound; /* all of them */
+    float bound[3]; /* see hyi_cover_slabs: of the flights */
+    bool sound;     /* all of them */
 } hyi_begun;
 
 /* The eight words of count rays: rows of one word of all. */
@@ -328,6 +329,7 @@ HYI_FN void hyi_begin_each(const hyi_site *site, const hyi_ray_stream *stream, c
     for (uint32_t i = first; i < first + count; i++) {
         hyi_flight *flight = &stream->flights[begun->flights];
         if (hyi_flight_begin(flight, site->bvh, &rays[i], FLT_MAX)) {
+            hyi_cover_slabs(begun->bound, &flight->aim, &site->bvh->scaled, site->bvh->rows == NULL);
             begun->flights++;
         } else {
             begun->sound = hyi_was_sound(&rays[i]) && begun->sound;

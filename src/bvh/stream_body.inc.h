@@ -27,7 +27,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                 uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    uint32_t first = HYI_DEAL_BLOCKS(swarm->flights, node, list, count, lists, stride, dealt, &least);
+    uint32_t first = HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, &least);
     for (; first < count; first += 8u) {
         uint32_t some = count - first < 8u ? count - first : 8u;
         hyi_masks8 masks;
@@ -116,26 +116,30 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
 
 /* ---- instances */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any);
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
+                                              const float bound[3]);
 
 /* The rays of a list go through what a box of the tree over instances stands for. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
     hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
     uint32_t entered = 0, flying = 0, *from = space;
+    float bound[3] = {0.0f, 0.0f, 0.0f};
     for (uint32_t i = 0; i < count; i++) {
         from[flying] = list[i];
         flying += swarm->flights[list[i]].aim.t_far != -FLT_MAX ? 1u : 0u;
     }
     for (uint32_t first = 0, some; first < flying; first += some) {
         some = flying - first < HYI_LANES ? flying - first : HYI_LANES;
-        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered]);
+        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered], bound);
         for (uint32_t i = first; i < first + some; i++) {
             from[entered] = from[i];
-            entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
+            if (!together && !hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site)) continue;
+            if (!together) hyi_cover_slabs(bound, &below[entered].aim, &site.bvh->scaled, false);
+            entered++;
         }
     }
-    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any);
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any, bound);
     for (uint32_t i = 0; i < entered; i++) {
         hyi_flight *above = &swarm->flights[from[i]];
         if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
@@ -408,8 +412,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32
     return rest;
 }
 
-/* Sends the first count flights (deep: of those in instances) through the tree of site. */
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any) {
+/* Sends the first count flights (deep: of those in instances) through the tree of site. bound: see hyi_cover_slabs. A list's slabs are as
+   thick as any of its rays needs; where that is too much for others, rays go one by one. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
+                                              const float bound[3]) {
     hyi_swarm swarm;
     uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
@@ -419,7 +425,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    memcpy(swarm.bound, bound, sizeof swarm.bound);
+    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE || hyi_slabs_are_thick(&site->bvh->scaled, bound)) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -432,7 +439,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
-    hyi_begun begun = {0, 0, 0, true};
+    hyi_begun begun = {0, 0, 0, {0.0f, 0.0f, 0.0f}, true};
     hyi_swarm swarm;
     swarm.site = *site;
     swarm.stream = stream;
@@ -451,7 +458,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
-    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any, begun.bound);
     for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], NULL, answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }

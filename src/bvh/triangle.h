@@ -27,6 +27,7 @@
 #define HYI_FAR_AWAY 4611686018427387904.0f /* 2^62: a farther origin is moved to here */
 #define HYI_SLAB_BOUND 9.5367431640625e-07f  /* 2^-20 */
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
+#define HYI_THICK 1024.0f                    /* so many times the bound of a ray that begins near by */
 #define HYI_NEAR_BY 1099511627776.0f         /* 2^40: origins within it go as they are, many at a time */
 #define HYI_SHORTEST 9.31322574615478515625e-10f /* 2^-30 */
 #define HYI_LONGEST 1073741824.0f            /* 2^30: directions between these keep their length */
@@ -49,12 +50,14 @@
 #endif
 
 #define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
+#define HYI_T_SOONEST (-3.4028232635611926e+38f) /* before all t but -FLT_MAX, where rays that are done end */
 
 /* A ray in the units of one tree. t here times unit is t of the ray. Planes are met at t = plane * inverse + offset. */
 typedef struct hyi_aim {
     uint32_t near_plane[3];               /* where in hyi_node.planes that is which the ray meets first; the other is ^ HYI_WIDTH */
+    float far_offset[3];                  /* of the origin moved by the error bound, as near_offset: slabs only get thicker */
     float inverse[3];                     /* of the direction; finite */
-    float near_offset[3], far_offset[3];  /* of the origin moved by the error bound: slabs only get thicker */
+    float near_offset[3];
     float t_near, t_far;
     float inverse_z;                      /* t here by distance along z */
     float least_t;                        /* no less is t of the nearest hit so far, where unit is 1 */
@@ -168,6 +171,29 @@ HYI_FN hyi_vicinity hyi_vicinity_of(const hyi_bvh *bvh) {
     memcpy(vicinity.radius, radius, sizeof radius);
     vicinity.radius[3] = 0x7f7fffffu;
     return vicinity;
+}
+
+/* Bounds, by axis, that are no less than those which hyi_aim_slabs gave a ray. */
+HYI_FN void hyi_cover_slabs(float most[3], const hyi_aim *aim, const hyi_box *box, bool loose) {
+    float along = hyi_reach(box, aim->origin[2], (int)aim->axis[2], loose);
+    for (int i = 0; i < 3; i++) {
+        uint32_t a = aim->axis[i];
+        float bound = hyi_slab_bound(hyi_reach(box, aim->origin[i], (int)a, loose), along, aim->origin[i]);
+        most[a] = bound > most[a] ? bound : most[a];
+    }
+}
+
+/* Whether slabs of these bounds are much thicker than those of rays that begin in the tree: rays from very far away are among those
+   that they are for. */
+HYI_FN bool hyi_slabs_are_thick(const hyi_box *box, const float bound[3]) {
+    float largest = 0.0f;
+    bool thick = false;
+    for (int a = 0; a < 3; a++) largest = box->upper[a] - box->lower[a] > largest ? box->upper[a] - box->lower[a] : largest;
+    for (int a = 0; a < 3; a++) {
+        float size = fabsf(box->lower[a]) > fabsf(box->upper[a]) ? fabsf(box->lower[a]) : fabsf(box->upper[a]);
+        thick = thick || bound[a] > HYI_THICK * hyi_slab_bound(largest, largest, size);
+    }
+    return thick;
 }
 
 HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, const float *d, bool loose) {
