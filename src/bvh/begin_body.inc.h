@@ -164,7 +164,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet
     float at[3][HYI_PACKET_WIDTH], of[3][HYI_PACKET_WIDTH];
     uint32_t lane = hyi_lowest_bit(HYI_BITSW(live));
     HYI_FW never = HYI_SETW(-FLT_MAX);
-    *packet = *filled;
+    memcpy(packet->direction, filled->direction, sizeof packet->direction);
+    memcpy(packet->inverse_z, filled->inverse_z, sizeof packet->inverse_z);
+    memcpy(packet->t_min, filled->t_min, sizeof packet->t_min);
+    memcpy(packet->t_by_z, filled->t_by_z, sizeof packet->t_by_z);
     for (uint32_t a = 0; a < 3; a++) {
         HYI_I(hyi_spread_value)(at[a], o[a], live, lane);
         HYI_I(hyi_spread_value)(of[a], inverse[a], live, lane);
@@ -177,49 +180,28 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet
     return HYI_I(hyi_pack_rays)(bvh, packet, first, HYI_BITSW(live), group, at, of);
 }
 
-/* Packets of the groups of a block, the first of which is filled with all of it, where there are enough of one. Returns the
-   bits of the rays that go in none; to each group of these belong too few. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW groups, hyi_packet *packets, uint32_t first, float o[3][HYI_PACKET_WIDTH],
-                                                  float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
-    float group[HYI_PACKET_WIDTH];
-    hyi_packet filled = packets[0];
+/* Packets of the groups of a block where there are enough of one; group: each ray's. Returns the bits of the rays that go in none; to
+   each group of these belong too few. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, const float group[HYI_PACKET_WIDTH], const hyi_packet *filled, hyi_packet *packets,
+                                                  uint32_t first, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    HYI_FW groups = HYI_LOADW(group);
     uint32_t rest = 0;
-    HYI_STOREW(group, groups);
     for (uint32_t left = HYI_ALLW, some; left; left &= ~some) {
         float one = group[hyi_lowest_bit(left)];
         HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
         some = HYI_BITSW(live);
         bool enough = hyi_count_lanes(some) >= HYI_PACKET_LEAST;
-        if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
+        if (enough && HYI_I(hyi_pack_some)(bvh, filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
         else rest |= some;
     }
-    packets[*made] = filled;
     return rest;
 }
 
-/* Whether the lanes have no more than HYI_PACKET_GROUPS different groups. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_few_groups)(HYI_FW groups, const float group[HYI_PACKET_WIDTH]) {
-    uint32_t left = HYI_ALLW;
-    for (uint32_t g = 0; g < HYI_PACKET_GROUPS && left; g++) left &= ~HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[hyi_lowest_bit(left)])));
-    return left == 0;
-}
-
-/* Packets of a block of rays, the first of which is filled with all of it; returns the bits of the rays that go in none: what was
-   filled in is then in the packet after those made. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packets, uint32_t first,
-                                                     float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
-    HYI_FW groups = HYI_I(hyi_find_groups)(block);
-    float group[HYI_PACKET_WIDTH];
-    uint32_t here = 0, rest = HYI_ALLW;
-    HYI_STOREW(group, groups);
-    if (HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[0]))) == HYI_ALLW) {
-        if (!HYI_I(hyi_pack_rays)(bvh, packets, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) return HYI_ALLW;
-        ++*made;
-        return 0;
-    }
-    if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
-    *made += here;
-    return rest;
+/* How many different groups the lanes have, but no more than HYI_PACKET_GROUPS + 1. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_count_groups)(const float group[HYI_PACKET_WIDTH]) {
+    uint32_t left = HYI_ALLW, count = 0;
+    for (; count <= HYI_PACKET_GROUPS && left; count++) left &= ~HYI_BITSW(HYI_SAMEW(HYI_LOADW(group), HYI_SETW(group[hyi_lowest_bit(left)])));
+    return count;
 }
 
 /* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
@@ -357,19 +339,26 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
    are count, at most capacity, or share packets; share 0: none are made. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                              uint32_t count, uint32_t share, hyi_begun *begun) {
+    hyi_packet filled;
     for (uint32_t first; (first = begun->rays) < count && (share == 0 || begun->packets + HYI_LANES / HYI_PACKET_LEAST < share); begun->rays += HYI_LANES) {
-        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], group[HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        hyi_packet *packet = &stream->packets[begun->packets];
         HYI_I(hyi_block) block;
         if (some < HYI_LANES || !HYI_I(hyi_load_block)(site->bvh, rays + first, &block)) {
             hyi_begin_each(site, stream, rays, answers, first, some, begun);
             continue;
         }
-        HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        HYI_STOREW(group, HYI_I(hyi_find_groups)(&block));
+        uint32_t groups = site->bvh->rows && share ? HYI_I(hyi_count_groups)(group) : HYI_PACKET_GROUPS + 1u, rest = HYI_ALLW;
+        hyi_packet *to = groups == 1u ? &stream->packets[begun->packets] : &filled;
+        HYI_I(hyi_fill_packet)(&block, to, o, inverse);
+        if (groups == 1u && HYI_I(hyi_pack_rays)(site->bvh, to, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) {
+            begun->packets++;
+            continue;
+        }
+        if (groups > 1u && groups <= HYI_PACKET_GROUPS) rest = HYI_I(hyi_pack_groups)(site->bvh, group, to, stream->packets, first, o, inverse, &begun->packets);
         if (rest == 0) continue;
-        HYI_I(hyi_cut_flights)(site, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights, begun->bound);
+        HYI_I(hyi_cut_flights)(site, &block, to, inverse, rays + first, stream->flights + begun->flights, begun->bound);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
 }

@@ -312,9 +312,10 @@ HYI_INLINE uint32_t hyi_pair_packets(hyi_packet *packets, uint32_t *list, uint32
 
 /* ---- beginning */
 
-/* Of flights side by side, keeps those whose bits are set; returns how many these are. */
+/* Of flights side by side, as many as a vector has lanes, keeps those whose bits are set; returns how many these are. */
 HYI_INLINE uint32_t hyi_keep_flights(hyi_flight *flights, uint32_t bits) {
     uint32_t kept = 0;
+    if ((bits & (bits + 1u)) == 0) return hyi_count_lanes(bits);
     for (; bits; bits &= bits - 1u) {
         uint32_t lane = hyi_lowest_bit(bits);
         if (lane != kept) flights[kept] = flights[lane];
