@@ -607,6 +607,33 @@ static void waiting_in_numbers(void **state) {
     tl_end(&s);
 }
 
+/* A list's slabs are as thick as its farthest ray needs: rays from near by, and from as far as coordinates are, go in lists, and one
+   from very far away sends all of its slice one by one. */
+static void thick_slabs(void **state) {
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        const float middle = k == 2 ? 5000.0f : 0.0f;
+        const float bounds[3] = {1.0f, k == 1 ? 0.0f : 1.0f, 1.0f}, direction[3] = {0.5f, 0.6f, 0.7f};
+        hyi_bvh bvh;
+        memset(&bvh, 0, sizeof bvh);
+        bvh.scale = 1.0f;
+        for (int a = 0; a < 3; a++) bvh.scaled.lower[a] = middle - bounds[a], bvh.scaled.upper[a] = middle + bounds[a];
+        for (float away = 0.25f; away < 1e7f; away *= 2.0f) {
+            const float origin[3] = {middle + away, middle, middle - away};
+            hyi_aim aim;
+            float bound[3] = {0.0f, 0.0f, 0.0f};
+            assert_true(hyi_aim_at(&aim, &bvh, origin, direction, 0.0f, 1.0f, false));
+            hyi_cover_slabs(bound, &aim, &bvh.scaled, false);
+            for (int a = 0; a < 3; a++) { /* what was moved: twice the bound, as far as roundings of offsets tell it */
+                float moved = (aim.far_offset[a] - aim.near_offset[a]) / fabsf(aim.inverse[a]);
+                assert_true(moved <= 2.0f * bound[a] + 4.0f * HYI_ULP * fabsf(origin[a]) && moved >= 2.0f * bound[a] - 4.0f * HYI_ULP * fabsf(origin[a]));
+            }
+            if (away < 256.0f) assert_false(hyi_slabs_are_thick(&bvh.scaled, bound));
+            if (away > 1e6f) assert_true(hyi_slabs_are_thick(&bvh.scaled, bound));
+        }
+    }
+}
+
 int hydra_test_lanes(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(meshes_alone),
@@ -621,6 +648,7 @@ int hydra_test_lanes(void) {
         cmocka_unit_test(along_needles),
         cmocka_unit_test(lists_without_room),
         cmocka_unit_test(waiting_in_numbers),
+        cmocka_unit_test(thick_slabs),
     };
     return cmocka_run_group_tests_name("lanes", tests, NULL, NULL);
 }
