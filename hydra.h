@@ -9181,6 +9181,7 @@ HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions
 #define HYI_FAR_AWAY 4611686018427387904.0f /* 2^62: a farther origin is moved to here */
 #define HYI_SLAB_BOUND 9.5367431640625e-07f  /* 2^-20 */
 #define HYI_ULP 1.1920928955078125e-07f      /* 2^-23 */
+#define HYI_THICK 1024.0f                    /* so many times the bound of a ray that begins near by */
 #define HYI_NEAR_BY 1099511627776.0f         /* 2^40: origins within it go as they are, many at a time */
 #define HYI_SHORTEST 9.31322574615478515625e-10f /* 2^-30 */
 #define HYI_LONGEST 1073741824.0f            /* 2^30: directions between these keep their length */
@@ -9203,12 +9204,14 @@ HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions
 #endif
 
 #define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
+#define HYI_T_SOONEST (-3.4028232635611926e+38f) /* before all t but -FLT_MAX, where rays that are done end */
 
 /* A ray in the units of one tree. t here times unit is t of the ray. Planes are met at t = plane * inverse + offset. */
 typedef struct hyi_aim {
     uint32_t near_plane[3];               /* where in hyi_node.planes that is which the ray meets first; the other is ^ HYI_WIDTH */
+    float far_offset[3];                  /* of the origin moved by the error bound, as near_offset: slabs only get thicker */
     float inverse[3];                     /* of the direction; finite */
-    float near_offset[3], far_offset[3];  /* of the origin moved by the error bound: slabs only get thicker */
+    float near_offset[3];
     float t_near, t_far;
     float inverse_z;                      /* t here by distance along z */
     float least_t;                        /* no less is t of the nearest hit so far, where unit is 1 */
@@ -9322,6 +9325,29 @@ HYI_FN hyi_vicinity hyi_vicinity_of(const hyi_bvh *bvh) {
     memcpy(vicinity.radius, radius, sizeof radius);
     vicinity.radius[3] = 0x7f7fffffu;
     return vicinity;
+}
+
+/* Bounds, by axis, that are no less than those which hyi_aim_slabs gave a ray. */
+HYI_FN void hyi_cover_slabs(float most[3], const hyi_aim *aim, const hyi_box *box, bool loose) {
+    float along = hyi_reach(box, aim->origin[2], (int)aim->axis[2], loose);
+    for (int i = 0; i < 3; i++) {
+        uint32_t a = aim->axis[i];
+        float bound = hyi_slab_bound(hyi_reach(box, aim->origin[i], (int)a, loose), along, aim->origin[i]);
+        most[a] = bound > most[a] ? bound : most[a];
+    }
+}
+
+/* Whether slabs of these bounds are much thicker than those of rays that begin in the tree: rays from very far away are among those
+   that they are for. */
+HYI_FN bool hyi_slabs_are_thick(const hyi_box *box, const float bound[3]) {
+    float largest = 0.0f;
+    bool thick = false;
+    for (int a = 0; a < 3; a++) largest = box->upper[a] - box->lower[a] > largest ? box->upper[a] - box->lower[a] : largest;
+    for (int a = 0; a < 3; a++) {
+        float size = fabsf(box->lower[a]) > fabsf(box->upper[a]) ? fabsf(box->lower[a]) : fabsf(box->upper[a]);
+        thick = thick || bound[a] > HYI_THICK * hyi_slab_bound(largest, largest, size);
+    }
+    return thick;
 }
 
 HYI_FN void hyi_aim_slabs(hyi_aim *aim, const hyi_box *box, const float *o, const float *d, bool loose) {
@@ -10030,12 +10056,11 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_LEAVES_MOST (HYI_LEAVES_LEAST + HYI_WIDTH * HYI_LEAVES_OF_LIST)
 #define HYI_NODES_LEAST 32u
 #define HYI_NODES_ENOUGH 512u    /* the last goes first where more wait, and its node has no time to come */
-#define HYI_NODES_OF_LIST 4u     /* lists that are no longer fall apart at a node */
+#define HYI_NODES_OF_LIST 6u     /* lists that are no longer fall apart at a node */
 #define HYI_NODES_MOST (HYI_NODES_ENOUGH + HYI_WIDTH * (HYI_TREE_DEPTH + 2u)) /* seven wait on each level, and eight are stored at a time */
 HYI_STATIC_ASSERT(HYI_ABREAST_LEAST(HYI_LEAF_MAX) <= HYI_LEAVES_OF_LIST && HYI_NODES_LEAST + HYI_NODES_OF_LIST <= HYI_NODES_ENOUGH);
 HYI_STATIC_ASSERT(HYI_LEAVES_ENOUGH + 2u * HYI_WIDTH <= HYI_LEAVES_MOST);
 
-#define HYI_SIXTEENS_LEAST 48u   /* so many flights of a list meet a node in sixteens, where vectors have as many lanes */
 #define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
 #define HYI_LARGE_TREE ((size_t)96 << 20)
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
@@ -10107,6 +10132,7 @@ typedef struct hyi_swarm {
     hyi_packet *packets;
     hyi_visitors *visitors; /* of packets; NULL: there are none */
     uint32_t near_plane[3], axis[3]; /* of all packets on a list */
+    float bound[3];                  /* of all flights: see hyi_cover_slabs */
     bool any;
 } hyi_swarm;
 
@@ -10148,7 +10174,8 @@ HYI_INLINE void hyi_wait_at_children(hyi_waiters *w, const hyi_node *node, uint3
 /* What the first of a slice of rays have become: those that meet nothing are neither. */
 typedef struct hyi_begun {
     uint32_t rays, packets, flights;
-    bool sound; /* all of them */
+    float bound[3]; /* see hyi_cover_slabs: of the flights */
+    bool sound;     /* all of them */
 } hyi_begun;
 
 /* The eight words of count rays: rows of one word of all. */
@@ -10295,9 +10322,10 @@ HYI_INLINE uint32_t hyi_pair_packets(hyi_packet *packets, uint32_t *list, uint32
 
 /* ---- beginning */
 
-/* Of flights side by side, keeps those whose bits are set; returns how many these are. */
+/* Of flights side by side, as many as a vector has lanes, keeps those whose bits are set; returns how many these are. */
 HYI_INLINE uint32_t hyi_keep_flights(hyi_flight *flights, uint32_t bits) {
     uint32_t kept = 0;
+    if ((bits & (bits + 1u)) == 0) return hyi_count_lanes(bits);
     for (; bits; bits &= bits - 1u) {
         uint32_t lane = hyi_lowest_bit(bits);
         if (lane != kept) flights[kept] = flights[lane];
@@ -10312,6 +10340,7 @@ HYI_FN void hyi_begin_each(const hyi_site *site, const hyi_ray_stream *stream, c
     for (uint32_t i = first; i < first + count; i++) {
         hyi_flight *flight = &stream->flights[begun->flights];
         if (hyi_flight_begin(flight, site->bvh, &rays[i], FLT_MAX)) {
+            hyi_cover_slabs(begun->bound, &flight->aim, &site->bvh->scaled, site->bvh->rows == NULL);
             begun->flights++;
         } else {
             begun->sound = hyi_was_sound(&rays[i]) && begun->sound;
@@ -11073,7 +11102,7 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
 #define HYI_BITSW(m) ((uint32_t)_mm256_movemask_ps(m))
 #define HYI_PINW(a) hyi_pin8_avx2(a)
 #define HYI_GREATESTW(a) hyi_greatest_avx2(a)
-#define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
+#define HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, nearest) 0u
 #define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) hyi_wait_at_children_avx2(waiters, node, ray, HYI_BITS8(mask), enter)
 
 #define HYI_STOREW(p, a) _mm256_storeu_ps(p, a)
@@ -11177,9 +11206,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, HYI_F4 o, HYI_F4 d
     HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     bound = HYI_SIGNED4(bound, d);
     HYI_STORE_PLACES4(aim->near_plane, d);
+    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
     HYI_STORE4(aim->inverse, inverse);
     HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
-    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
 }
 
 /* The largest component of a direction, without a branch, which would be guessed wrong half of the time. bits: of floats. */
@@ -12225,7 +12254,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet
     float at[3][HYI_PACKET_WIDTH], of[3][HYI_PACKET_WIDTH];
     uint32_t lane = hyi_lowest_bit(HYI_BITSW(live));
     HYI_FW never = HYI_SETW(-FLT_MAX);
-    *packet = *filled;
+    memcpy(packet->direction, filled->direction, sizeof packet->direction);
+    memcpy(packet->inverse_z, filled->inverse_z, sizeof packet->inverse_z);
+    memcpy(packet->t_min, filled->t_min, sizeof packet->t_min);
+    memcpy(packet->t_by_z, filled->t_by_z, sizeof packet->t_by_z);
     for (uint32_t a = 0; a < 3; a++) {
         HYI_I(hyi_spread_value)(at[a], o[a], live, lane);
         HYI_I(hyi_spread_value)(of[a], inverse[a], live, lane);
@@ -12238,49 +12270,28 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet
     return HYI_I(hyi_pack_rays)(bvh, packet, first, HYI_BITSW(live), group, at, of);
 }
 
-/* Packets of the groups of a block, the first of which is filled with all of it, where there are enough of one. Returns the
-   bits of the rays that go in none; to each group of these belong too few. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW groups, hyi_packet *packets, uint32_t first, float o[3][HYI_PACKET_WIDTH],
-                                                  float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
-    float group[HYI_PACKET_WIDTH];
-    hyi_packet filled = packets[0];
+/* Packets of the groups of a block where there are enough of one; group: each ray's. Returns the bits of the rays that go in none; to
+   each group of these belong too few. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, const float group[HYI_PACKET_WIDTH], const hyi_packet *filled, hyi_packet *packets,
+                                                  uint32_t first, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    HYI_FW groups = HYI_LOADW(group);
     uint32_t rest = 0;
-    HYI_STOREW(group, groups);
     for (uint32_t left = HYI_ALLW, some; left; left &= ~some) {
         float one = group[hyi_lowest_bit(left)];
         HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
         some = HYI_BITSW(live);
         bool enough = hyi_count_lanes(some) >= HYI_PACKET_LEAST;
-        if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
+        if (enough && HYI_I(hyi_pack_some)(bvh, filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
         else rest |= some;
     }
-    packets[*made] = filled;
     return rest;
 }
 
-/* Whether the lanes have no more than HYI_PACKET_GROUPS different groups. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_few_groups)(HYI_FW groups, const float group[HYI_PACKET_WIDTH]) {
-    uint32_t left = HYI_ALLW;
-    for (uint32_t g = 0; g < HYI_PACKET_GROUPS && left; g++) left &= ~HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[hyi_lowest_bit(left)])));
-    return left == 0;
-}
-
-/* Packets of a block of rays, the first of which is filled with all of it; returns the bits of the rays that go in none: what was
-   filled in is then in the packet after those made. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packets, uint32_t first,
-                                                     float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
-    HYI_FW groups = HYI_I(hyi_find_groups)(block);
-    float group[HYI_PACKET_WIDTH];
-    uint32_t here = 0, rest = HYI_ALLW;
-    HYI_STOREW(group, groups);
-    if (HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[0]))) == HYI_ALLW) {
-        if (!HYI_I(hyi_pack_rays)(bvh, packets, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) return HYI_ALLW;
-        ++*made;
-        return 0;
-    }
-    if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
-    *made += here;
-    return rest;
+/* How many different groups the lanes have, but no more than HYI_PACKET_GROUPS + 1. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_count_groups)(const float group[HYI_PACKET_WIDTH]) {
+    uint32_t left = HYI_ALLW, count = 0;
+    for (; count <= HYI_PACKET_GROUPS && left; count++) left &= ~HYI_BITSW(HYI_SAMEW(HYI_LOADW(group), HYI_SETW(group[hyi_lowest_bit(left)])));
+    return count;
 }
 
 /* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
@@ -12324,17 +12335,38 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW ori
     return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_SIZEW(origin)));
 }
 
-/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
-                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+/* Whether all lanes begin where the vicinity of the tree bounds their errors. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_near_by)(const hyi_site *site, const HYI_I(hyi_block) *block) {
+    const hyi_vicinity *vicinity = &site->accel->vicinity;
+    float radius[3];
+    uint32_t within = site->accel->single ? HYI_ALLW : 0u;
+    memcpy(radius, vicinity->radius, sizeof radius);
+    for (uint32_t a = 0; a < 3; a++) within &= HYI_I(hyi_within)(HYI_SUBW(block->origin[a], HYI_SETW(vicinity->middle[a])), HYI_SETW(radius[a]));
+    return within == HYI_ALLW;
+}
+
+/* hyi_slab_bound for all lanes, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_bound_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, HYI_FW bound[3]) {
     HYI_FW reach[3];
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
+    for (int a = 0; a < 3; a++)
+        bound[a] = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), HYI_SIZEW(block->origin[a])));
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. most: see hyi_cover_slabs. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_site *site, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH], float most[3]) {
+    bool near_by = HYI_I(hyi_begin_near_by)(site, block);
+    HYI_FW bound[3];
+    if (near_by)
+        for (int a = 0; a < 3; a++) bound[a] = HYI_SETW(site->accel->vicinity.bound[a]);
+    else HYI_I(hyi_bound_lanes)(site->bvh, block, bound);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_SIZEW(v);
-        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
-        bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
-        HYI_I(hyi_store_offsets)(v, bound, HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
+        float greatest = near_by ? site->accel->vicinity.bound[a] : HYI_GREATESTW(bound[a]);
+        most[a] = greatest > most[a] ? greatest : most[a];
+        bound[a] = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound[a]), bound[a]);
+        HYI_I(hyi_store_offsets)(block->origin[a], bound[a], HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
     }
 }
 
@@ -12348,8 +12380,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, f
 }
 
 /* Flights of rays first, first + 1, ... of what was filled into a packet. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
-                                                  const hyk_ray *rays, hyi_flight *flights) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_site *site, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
+                                                  const hyk_ray *rays, hyi_flight *flights, float most[3]) {
     float near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
     float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
     static const uint32_t none[HYI_PACKET_WIDTH] = {0};
@@ -12358,10 +12390,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     memset(&blank, 0, sizeof blank);
     blank.aim.unit = blank.aim.inverse_unit = 1.0;
     blank.best.instance = blank.best.primitive = HYK_NONE;
-    HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
+    HYI_I(hyi_offset_lanes)(site, block, inverse, near_offset, far_offset, most);
     HYI_I(hyi_name_axes)(block, plane, axis);
-    const void *boxes[16] = {plane[0], plane[1], plane[2], inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2],
-                             far_offset[0], far_offset[1], far_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
+    const void *boxes[16] = {plane[0], plane[1], plane[2], far_offset[0], far_offset[1], far_offset[2], inverse[0], inverse[1], inverse[2],
+                             near_offset[0], near_offset[1], near_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
     const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
                                  p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
     HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.near_plane));
@@ -12377,7 +12409,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
 }
 
 /* Flights of HYI_LANES others, by their numbers, in the tree of site; false: they must enter one by one. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below) {
+HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below, float most[3]) {
     float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
     hyk_ray rays[HYI_PACKET_WIDTH];
     HYI_I(hyi_block) block;
@@ -12385,7 +12417,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
     for (uint32_t i = 0; i < HYI_LANES; i++) rays[i] = hyi_ray_below(&above[numbers[i]], site);
     if (!HYI_I(hyi_load_block)(site->bvh, rays, &block)) return false;
     HYI_I(hyi_fill_packet)(&block, &packet, o, inverse);
-    HYI_I(hyi_cut_flights)(site->bvh, &block, &packet, inverse, rays, below);
+    HYI_I(hyi_cut_flights)(site, &block, &packet, inverse, rays, below, most);
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         below[i].ray = above[numbers[i]].ray;
         below[i].best = above[numbers[i]].best;
@@ -12397,21 +12429,61 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
    are count, at most capacity, or share packets; share 0: none are made. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                              uint32_t count, uint32_t share, hyi_begun *begun) {
+    hyi_packet filled;
     for (uint32_t first; (first = begun->rays) < count && (share == 0 || begun->packets + HYI_LANES / HYI_PACKET_LEAST < share); begun->rays += HYI_LANES) {
-        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], group[HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        hyi_packet *packet = &stream->packets[begun->packets];
         HYI_I(hyi_block) block;
         if (some < HYI_LANES || !HYI_I(hyi_load_block)(site->bvh, rays + first, &block)) {
             hyi_begin_each(site, stream, rays, answers, first, some, begun);
             continue;
         }
-        HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        HYI_STOREW(group, HYI_I(hyi_find_groups)(&block));
+        uint32_t groups = site->bvh->rows && share ? HYI_I(hyi_count_groups)(group) : HYI_PACKET_GROUPS + 1u, rest = HYI_ALLW;
+        hyi_packet *to = groups == 1u ? &stream->packets[begun->packets] : &filled;
+        HYI_I(hyi_fill_packet)(&block, to, o, inverse);
+        if (groups == 1u && HYI_I(hyi_pack_rays)(site->bvh, to, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) {
+            begun->packets++;
+            continue;
+        }
+        if (groups > 1u && groups <= HYI_PACKET_GROUPS) rest = HYI_I(hyi_pack_groups)(site->bvh, group, to, stream->packets, first, o, inverse, &begun->packets);
         if (rest == 0) continue;
-        HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
+        HYI_I(hyi_cut_flights)(site, &block, to, inverse, rays + first, stream->flights + begun->flights, begun->bound);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
+}
+/* Corners of a leaf's triangles in the order of the axes of each lane: by choosing, for sets without lookups. */
+
+/* How flights side by side turn axes of space. */
+typedef struct HYI_I(hyi_frames) {
+    HYI_MW y, z; /* the largest component of the direction is z, or else y, or else x */
+} HYI_I(hyi_frames);
+
+/* axis: hyi_aim.axis of all lanes. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_frames) HYI_I(hyi_frames_of)(const HYI_FW axis[3]) {
+    HYI_I(hyi_frames) frames;
+    frames.y = HYI_SAMEW(axis[2], HYI_I(hyi_whole)(1));
+    frames.z = HYI_SAMEW(axis[2], HYI_I(hyi_whole)(2));
+    return frames;
+}
+
+typedef struct HYI_I(hyi_leaf_all) {
+    const float *rows;
+    uint32_t count;
+} HYI_I(hyi_leaf_all);
+
+HYI_INLINE HYI_I(hyi_leaf_all) HYI_I(hyi_open_leaf)(const float *rows, uint32_t count) {
+    HYI_I(hyi_leaf_all) leaf;
+    leaf.rows = rows;
+    leaf.count = count;
+    return leaf;
+}
+
+/* Corner k of a triangle: its coordinates in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_turn_corner)(const HYI_I(hyi_frames) *frames, const HYI_I(hyi_leaf_all) *leaf, uint32_t triangle, uint32_t k, HYI_FW turned[3]) {
+    const float *row = leaf->rows + 3u * k * leaf->count + triangle;
+    const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[leaf->count]), HYI_SETW(row[2u * leaf->count])};
+    for (uint32_t i = 0; i < 3u; i++) turned[i] = HYI_CHOOSEW(frames->z, v[i], HYI_CHOOSEW(frames->y, v[(i + 2u) % 3u], v[(i + 1u) % 3u]));
 }
 /* ---- what packets found, worked out for all lanes at once, and told (expanded once for each instruction set) */
 
@@ -12672,8 +12744,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 typedef struct HYI_I(hyi_abreast) {
     hyi_packet rays;
     hyi_flight *flights[HYI_PACKET_WIDTH];
-    HYI_I(hyi_block) turn; /* its y and z */
-    uint32_t live;         /* bits of the lanes with a flight */
+    HYI_I(hyi_frames) frames;
+    uint32_t live; /* bits of the lanes with a flight */
 } HYI_I(hyi_abreast);
 
 /* Flights by their numbers; lanes beyond the last repeat the first. false: float tells nothing of some. */
@@ -12700,8 +12772,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_abreast)(const hyi_swarm *swarm, const u
     HYI_STOREW(rays->shear[0], start[3]);
     HYI_STOREW(rays->shear[1], frame[0]);
     HYI_STOREW(rays->direction[2], HYI_DIVW(HYI_SETW(1.0f), limits[2])); /* a rounding off: bounds of errors are all it is for */
-    abreast->turn.y = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(1));
-    abreast->turn.z = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(2));
+    abreast->frames = HYI_I(hyi_frames_of)(frame + 1);
     abreast->live = HYI_ALLW >> (HYI_LANES - count);
     return true;
 }
@@ -12771,12 +12842,11 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI
 }
 
 /* Triangle number triangle of a leaf to all lanes; returns those that certainly miss it. */
-HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const float *rows, uint32_t count, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const HYI_I(hyi_leaf_all) *leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
     for (uint32_t k = 0; k < 3; k++) {
-        const float *row = rows + 3u * k * count + triangle;
-        const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[count]), HYI_SETW(row[2u * count])};
-        HYI_FW x = HYI_I(hyi_turn)(&abreast->turn, v, 0), y = HYI_I(hyi_turn)(&abreast->turn, v, 1), z = HYI_I(hyi_turn)(&abreast->turn, v, 2);
-        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, x, y, z);
+        HYI_FW v[3];
+        HYI_I(hyi_turn_corner)(&abreast->frames, leaf, triangle, k, v);
+        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, v[0], v[1], v[2]);
     }
     HYI_MW misses = HYI_I(hyi_meet_corners_all)(&abreast->rays, m);
     m->possible &= abreast->live;
@@ -12786,16 +12856,16 @@ HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_ab
 /* Offers a leaf's triangles, one after the other, to all lanes. Few lanes may hit any one of them, so these are judged together.
    Returns how many have a hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf), triangle = 0, found = 0;
+    HYI_I(hyi_leaf_all) all = HYI_I(hyi_open_leaf)(hyi_leaf_rows(swarm->site.bvh, leaf), count);
     HYI_I(hyi_held) held;
-    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &held.m);
+    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, &all, triangle, &held.m);
     while (!held.m.possible && ++triangle < count);
     if (triangle == count) return 0;
     held.triangle = HYI_I(hyi_whole)(triangle);
     while (++triangle < count) {
         HYI_I(hyi_meeting) m;
-        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
+        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, &all, triangle, &m);
         if (!m.possible) continue;
         if (m.possible & held.m.possible) {
             found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
@@ -12904,7 +12974,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                 uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    uint32_t first = HYI_DEAL_BLOCKS(swarm->flights, node, list, count, lists, stride, dealt, &least);
+    uint32_t first = HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, &least);
     for (; first < count; first += 8u) {
         uint32_t some = count - first < 8u ? count - first : 8u;
         hyi_masks8 masks;
@@ -12993,26 +13063,30 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
 
 /* ---- instances */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any);
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
+                                              const float bound[3]);
 
 /* The rays of a list go through what a box of the tree over instances stands for. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
     hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
     uint32_t entered = 0, flying = 0, *from = space;
+    float bound[3] = {0.0f, 0.0f, 0.0f};
     for (uint32_t i = 0; i < count; i++) {
         from[flying] = list[i];
         flying += swarm->flights[list[i]].aim.t_far != -FLT_MAX ? 1u : 0u;
     }
     for (uint32_t first = 0, some; first < flying; first += some) {
         some = flying - first < HYI_LANES ? flying - first : HYI_LANES;
-        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered]);
+        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered], bound);
         for (uint32_t i = first; i < first + some; i++) {
             from[entered] = from[i];
-            entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
+            if (!together && !hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site)) continue;
+            if (!together) hyi_cover_slabs(bound, &below[entered].aim, &site.bvh->scaled, false);
+            entered++;
         }
     }
-    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any);
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any, bound);
     for (uint32_t i = 0; i < entered; i++) {
         hyi_flight *above = &swarm->flights[from[i]];
         if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
@@ -13285,8 +13359,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32
     return rest;
 }
 
-/* Sends the first count flights (deep: of those in instances) through the tree of site. */
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any) {
+/* Sends the first count flights (deep: of those in instances) through the tree of site. bound: see hyi_cover_slabs. A list's slabs are as
+   thick as any of its rays needs; where that is too much for others, rays go one by one. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
+                                              const float bound[3]) {
     hyi_swarm swarm;
     uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
@@ -13296,7 +13372,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    memcpy(swarm.bound, bound, sizeof swarm.bound);
+    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE || hyi_slabs_are_thick(&site->bvh->scaled, bound)) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -13309,7 +13386,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
-    hyi_begun begun = {0, 0, 0, true};
+    hyi_begun begun = {0, 0, 0, {0.0f, 0.0f, 0.0f}, true};
     hyi_swarm swarm;
     swarm.site = *site;
     swarm.stream = stream;
@@ -13328,7 +13405,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
-    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any, begun.bound);
     for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], NULL, answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }
@@ -13566,59 +13643,84 @@ HYI_INLINE HYI_AVX512 void hyi_four_words_avx512(const char *const at[16], size_
 /* ---- flights side by side at a node
 
    What else meets the boxes of a node ray by ray, eight boxes at a time, meets them here box by box, sixteen or eight rays at a time:
-   planes are broadcast instead of rays, of which there are more, and who enters a child is known in the order of the list. Without
-   masks for a choice between planes there is nothing to gain. */
+   planes are broadcast instead of rays, of which there are more, and who enters a child is known in the order of the list. Boxes go by
+   their middles and halves, which fall and rise along with a ray's direction: no lane has to choose between planes, and one offset is read
+   of each ray. */
 
-/* hyi_aim of flights from inverse to inverse_z; where each component of the direction is negative. */
+/* hyi_aim of flights from inverse to t_far, and the sizes of inverse. */
 typedef struct hyi_slabs8_avx512 {
-    __m256 words[12];
-    __mmask8 falls[3];
+    __m256 words[8], size[3];
 } hyi_slabs8_avx512;
 
 typedef struct hyi_slabs16_avx512 {
-    __m512 words[12];
-    __mmask16 falls[3];
+    __m512 words[8], size[3];
 } hyi_slabs16_avx512;
 
-HYI_STATIC_ASSERT(offsetof(hyi_aim, near_offset) - offsetof(hyi_aim, inverse) == 12 && offsetof(hyi_aim, far_offset) - offsetof(hyi_aim, inverse) == 24 &&
-                  offsetof(hyi_aim, t_near) - offsetof(hyi_aim, inverse) == 36 && offsetof(hyi_aim, t_far) - offsetof(hyi_aim, inverse) == 40);
+HYI_STATIC_ASSERT(offsetof(hyi_aim, near_offset) - offsetof(hyi_aim, inverse) == 12 && offsetof(hyi_aim, t_near) - offsetof(hyi_aim, inverse) == 24 &&
+                  offsetof(hyi_aim, t_far) - offsetof(hyi_aim, inverse) == 28);
+
+/* Boxes of a node: their middles, and what is between these and the planes that rays enter and leave by. */
+typedef struct hyi_centred_avx512 {
+    float middle[3][HYI_WIDTH], to_near[3][HYI_WIDTH], to_far[3][HYI_WIDTH];
+} hyi_centred_avx512;
+
+/* Offsets are those of origins moved back by each ray's bound, so boxes end beyond the far planes by twice the greatest. What is rounded
+   more than in hyi_meet_boxes, in 2^-24: the middle, by its distance from the ray and the origin at most, the half and t at the middle, by
+   the former. A quarter of the bound is more (hyi_slab_bound), and is added on both sides. */
+HYI_INLINE HYI_AVX512 void hyi_centre_boxes_avx512(const hyi_swarm *swarm, const hyi_node *node, hyi_centred_avx512 *boxes) {
+    const __m256 half = _mm256_set1_ps(0.5f);
+    for (int a = 0; a < 3; a++) {
+        __m256 lower = _mm256_load_ps(node->planes[2 * a]), upper = _mm256_load_ps(node->planes[2 * a + 1]), bound = _mm256_set1_ps(swarm->bound[a]);
+        __m256 to_near = _mm256_fmadd_ps(_mm256_set1_ps(0.25f), bound, _mm256_mul_ps(_mm256_sub_ps(upper, lower), half));
+        _mm256_storeu_ps(boxes->middle[a], _mm256_mul_ps(_mm256_add_ps(lower, upper), half));
+        _mm256_storeu_ps(boxes->to_near[a], to_near);
+        _mm256_storeu_ps(boxes->to_far[a], _mm256_fmadd_ps(_mm256_set1_ps(2.0f), bound, to_near));
+    }
+}
+
+/* Boxes stay in memory, from where they are broadcast for nothing: gcc would broadcast them once, into 72 vectors on the stack. */
+HYI_INLINE void hyi_keep_in_memory_avx512(hyi_centred_avx512 *boxes) {
+#if HYI_GNU
+    __asm__("" : "+m"(*boxes));
+#else
+    (void)boxes;
+#endif
+}
 
 HYI_INLINE HYI_AVX512 void hyi_load_slabs8_avx512(const hyi_flight *flights, const uint32_t list[8], hyi_slabs8_avx512 *s) {
     const char *at[8];
     for (uint32_t i = 0; i < 8u; i++) at[i] = (const char *)flights[list[i]].aim.inverse;
-    for (uint32_t word = 0; word < 12u; word += 4u) hyi_four_words_avx2(at, 4u * word, s->words + word);
-    for (int a = 0; a < 3; a++) s->falls[a] = _mm256_movepi32_mask(_mm256_castps_si256(s->words[a]));
+    for (uint32_t word = 0; word < 8u; word += 4u) hyi_four_words_avx2(at, 4u * word, s->words + word);
+    for (int a = 0; a < 3; a++) s->size[a] = _mm256_andnot_ps(_mm256_set1_ps(-0.0f), s->words[a]);
 }
 
 HYI_INLINE HYI_AVX512 void hyi_load_slabs16_avx512(const hyi_flight *flights, const uint32_t list[16], hyi_slabs16_avx512 *s) {
     const char *at[16];
     for (uint32_t i = 0; i < 16u; i++) at[i] = (const char *)flights[list[i]].aim.inverse;
-    for (uint32_t word = 0; word < 12u; word += 4u) hyi_four_words_avx512(at, 4u * word, s->words + word);
-    for (int a = 0; a < 3; a++) s->falls[a] = _mm512_movepi32_mask(_mm512_castps_si512(s->words[a]));
+    for (uint32_t word = 0; word < 8u; word += 4u) hyi_four_words_avx512(at, 4u * word, s->words + word);
+    for (int a = 0; a < 3; a++) s->size[a] = _mm512_abs_ps(s->words[a]);
 }
 
-/* Who meets the box of child c, and where: hyi_meet_boxes. */
-HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child8_avx512(const hyi_slabs8_avx512 *s, const hyi_node *node, uint32_t c, __m256 *enter) {
-    const __m256 *inverse = s->words, *near_offset = inverse + 3, *far_offset = inverse + 6;
-    __m256 first = s->words[9], last = s->words[10];
+/* Who meets the box of child c, and where. */
+HYI_INLINE HYI_AVX512 __mmask8 hyi_meet_child8_avx512(const hyi_slabs8_avx512 *s, const hyi_centred_avx512 *boxes, uint32_t c, __m256 *enter) {
+    const __m256 *inverse = s->words, *near_offset = inverse + 3;
+    __m256 first = s->words[6], last = s->words[7];
     for (int a = 0; a < 3; a++) {
-        __m256 lower = _mm256_set1_ps(node->planes[2 * a][c]), upper = _mm256_set1_ps(node->planes[2 * a + 1][c]);
-        __m256 near_plane = _mm256_mask_blend_ps(s->falls[a], lower, upper), far_plane = _mm256_mask_blend_ps(s->falls[a], upper, lower);
-        first = _mm256_max_ps(first, _mm256_fmadd_ps(near_plane, inverse[a], near_offset[a]));
-        last = _mm256_min_ps(last, _mm256_fmadd_ps(far_plane, inverse[a], far_offset[a]));
+        __m256 middle = _mm256_fmadd_ps(inverse[a], _mm256_set1_ps(boxes->middle[a][c]), near_offset[a]);
+        first = _mm256_max_ps(first, _mm256_fnmadd_ps(s->size[a], _mm256_set1_ps(boxes->to_near[a][c]), middle));
+        last = _mm256_min_ps(last, _mm256_fmadd_ps(s->size[a], _mm256_set1_ps(boxes->to_far[a][c]), middle));
     }
     *enter = first;
     return _mm256_cmp_ps_mask(first, last, _CMP_LE_OQ);
 }
 
-HYI_INLINE HYI_AVX512 __mmask16 hyi_meet_child16_avx512(const hyi_slabs16_avx512 *s, const hyi_node *node, uint32_t c, __m512 *enter) {
-    const __m512 *inverse = s->words, *near_offset = inverse + 3, *far_offset = inverse + 6;
-    __m512 first = s->words[9], last = s->words[10];
+HYI_INLINE HYI_AVX512 __mmask16 hyi_meet_child16_avx512(const hyi_slabs16_avx512 *s, const hyi_centred_avx512 *boxes, uint32_t c, __m512 *enter) {
+    const __m512 *inverse = s->words, *near_offset = inverse + 3;
+    __m512 first = s->words[6], last = s->words[7];
     for (int a = 0; a < 3; a++) {
-        __m512 lower = _mm512_set1_ps(node->planes[2 * a][c]), upper = _mm512_set1_ps(node->planes[2 * a + 1][c]);
-        __m512 near_plane = _mm512_mask_blend_ps(s->falls[a], lower, upper), far_plane = _mm512_mask_blend_ps(s->falls[a], upper, lower);
-        first = _mm512_max_ps(first, _mm512_fmadd_ps(near_plane, inverse[a], near_offset[a]));
-        last = _mm512_min_ps(last, _mm512_fmadd_ps(far_plane, inverse[a], far_offset[a]));
+        __m512 middle = _mm512_fmadd_ps(inverse[a], _mm512_set1_ps(boxes->middle[a][c]), near_offset[a]);
+        first = _mm512_max_ps(first, _mm512_fnmadd_ps(s->size[a], _mm512_set1_ps(boxes->to_near[a][c]), middle));
+        last = _mm512_min_ps(last, _mm512_fmadd_ps(s->size[a], _mm512_set1_ps(boxes->to_far[a][c]), middle));
     }
     *enter = first;
     return _mm512_cmp_ps_mask(first, last, _CMP_LE_OQ);
@@ -13632,52 +13734,100 @@ HYI_INLINE HYI_AVX512 __m256 hyi_least_of_each_avx512(const __m256 v[8]) {
     return _mm256_min_ps(_mm256_permute2f128_ps(b[0], b[1], 0x20), _mm256_permute2f128_ps(b[0], b[1], 0x31));
 }
 
-/* Deals out a list of flights as far as it makes blocks of sixteen, and returns how far; least: of each child, where rays enter it. */
-HYI_INLINE HYI_AVX512 uint32_t hyi_deal_sixteens_avx512(const hyi_flight *flights, const hyi_node *node, const uint32_t *list, uint32_t count,
-                                                        uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH]) {
+/* Deals out a list of flights as far as it makes blocks of sixteen, and returns how far; least: of each child, where rays enter it, which
+   none asks of rays that any hit ends. */
+HYI_INLINE HYI_AVX512 uint32_t hyi_deal_sixteens_avx512(const hyi_flight *flights, hyi_centred_avx512 *boxes, const uint32_t *list, uint32_t count,
+                                                        uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH], bool any) {
     __m512 enters[HYI_WIDTH];
     uint32_t first = 0;
     for (uint32_t c = 0; c < HYI_WIDTH; c++) enters[c] = _mm512_set1_ps(FLT_MAX);
     for (; first + 16u <= count; first += 16u) {
         hyi_slabs16_avx512 slabs;
         __m512i items = _mm512_loadu_si512(list + first);
+        hyi_keep_in_memory_avx512(boxes);
         hyi_load_slabs16_avx512(flights, list + first, &slabs);
         HYI_UNROLL_8
         for (uint32_t c = 0; c < HYI_WIDTH; c++) {
             __m512 enter;
-            __mmask16 takes = hyi_meet_child16_avx512(&slabs, node, c, &enter);
-            enters[c] = _mm512_mask_min_ps(enters[c], takes, enters[c], enter);
+            __mmask16 takes = hyi_meet_child16_avx512(&slabs, boxes, c, &enter);
+            if (!any) enters[c] = _mm512_mask_min_ps(enters[c], takes, enters[c], enter);
             _mm512_storeu_si512(lists + (size_t)c * stride + dealt[c], _mm512_maskz_compress_epi32(takes, items));
             dealt[c] += (uint32_t)_mm_popcnt_u32(hyi_bits16_avx512(takes));
         }
     }
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) least[c] = _mm256_min_ps(_mm512_castps512_ps256(enters[c]), _mm512_extractf32x8_ps(enters[c], 1));
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
+        __m256 of_two = _mm256_min_ps(_mm512_castps512_ps256(enters[c]), _mm512_extractf32x8_ps(enters[c], 1));
+        least[c] = any ? _mm256_set1_ps(dealt[c] ? HYI_T_SOONEST : FLT_MAX) : of_two;
+    }
     return first;
 }
 
-/* Deals out a list of flights as far as it makes blocks of eight, and returns how far; nearest: as hyi_deal_rays has it. */
-HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_flight *flights, const hyi_node *node, const uint32_t *list, uint32_t count,
-                                                      uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 *nearest) {
-    __m256 least[HYI_WIDTH];
-    uint32_t first = 0;
-    if (count < 8u) return 0;
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) least[c] = *nearest;
-    if (count >= HYI_SIXTEENS_LEAST) first = hyi_deal_sixteens_avx512(flights, node, list, count, lists, stride, dealt, least);
+/* The same by eights. */
+HYI_INLINE HYI_AVX512 uint32_t hyi_deal_eights_avx512(const hyi_flight *flights, hyi_centred_avx512 *boxes, const uint32_t *list, uint32_t first, uint32_t count,
+                                                      uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH]) {
     for (; first + 8u <= count; first += 8u) {
         hyi_slabs8_avx512 slabs;
         __m256i items = _mm256_loadu_si256((const __m256i *)(const void *)(list + first));
+        hyi_keep_in_memory_avx512(boxes);
         hyi_load_slabs8_avx512(flights, list + first, &slabs);
         HYI_UNROLL_8
         for (uint32_t c = 0; c < HYI_WIDTH; c++) {
             __m256 enter;
-            __mmask8 takes = hyi_meet_child8_avx512(&slabs, node, c, &enter);
+            __mmask8 takes = hyi_meet_child8_avx512(&slabs, boxes, c, &enter);
             least[c] = _mm256_mask_min_ps(least[c], takes, least[c], enter);
             hyi_append_avx512(lists + (size_t)c * stride + dealt[c], items, takes);
             dealt[c] += (uint32_t)_mm_popcnt_u32(hyi_bits8_avx512(takes));
         }
     }
+    return first;
+}
+
+/* Deals out a list of flights as far as it makes blocks of eight, and returns how far; nearest: as hyi_deal_rays has it. */
+HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
+                                                      uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 *nearest) {
+    __m256 least[HYI_WIDTH];
+    hyi_centred_avx512 boxes;
+    uint32_t first, taken[HYI_WIDTH] = {0}; /* apart from dealt, which lies in memory with the lists */
+    if (count < 8u) return 0;
+    hyi_centre_boxes_avx512(swarm, node, &boxes);
+    if (swarm->any) first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least, true);
+    else first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least, false);
+    first = hyi_deal_eights_avx512(swarm->flights, &boxes, list, first, count, lists, stride, taken, least);
+    memcpy(dealt, taken, sizeof taken);
     *nearest = hyi_least_of_each_avx512(least);
     return first;
+}
+
+/* ---- corners of a leaf's triangles in the order of the axes of each lane: looked up */
+
+typedef struct hyi_frames_avx512 {
+    __m512i place[3]; /* of each axis in hyi_leaf_all_avx512 */
+} hyi_frames_avx512;
+
+HYI_INLINE HYI_AVX512 hyi_frames_avx512 hyi_frames_of_avx512(const __m512 axis[3]) {
+    hyi_frames_avx512 frames;
+    for (int i = 0; i < 3; i++) frames.place[i] = _mm512_slli_epi32(_mm512_castps_si512(axis[i]), 3);
+    return frames;
+}
+
+/* Of each corner, x of eight triangles, y of eight, and z. */
+typedef struct hyi_leaf_all_avx512 {
+    __m512 xy[3], z[3];
+} hyi_leaf_all_avx512;
+
+HYI_INLINE HYI_AVX512 hyi_leaf_all_avx512 hyi_open_leaf_avx512(const float *rows, uint32_t count) {
+    hyi_leaf_all_avx512 leaf;
+    for (uint32_t k = 0; k < 3u; k++) {
+        const float *row = rows + 3u * k * count;
+        leaf.xy[k] = _mm512_insertf32x8(_mm512_castps256_ps512(_mm256_loadu_ps(row)), _mm256_loadu_ps(row + count), 1);
+        leaf.z[k] = _mm512_castps256_ps512(_mm256_loadu_ps(row + 2u * count));
+    }
+    return leaf;
+}
+
+HYI_INLINE HYI_AVX512 void hyi_turn_corner_avx512(const hyi_frames_avx512 *frames, const hyi_leaf_all_avx512 *leaf, uint32_t triangle, uint32_t k, __m512 turned[3]) {
+    __m512i at = _mm512_set1_epi32((int)triangle);
+    for (int i = 0; i < 3; i++) turned[i] = _mm512_permutex2var_ps(leaf->xy[k], _mm512_add_epi32(frames->place[i], at), leaf->z[k]);
 }
 
 /* hyi_wait_at_children, without a branch. */
@@ -13833,8 +13983,8 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_BITSW(m) hyi_bits16_avx512(m)
 #define HYI_PINW(a) hyi_pin16_avx512(a)
 #define HYI_GREATESTW(a) _mm512_reduce_max_ps(a)
-#define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) \
-    hyi_deal_blocks_avx512(flights, node, list, count, lists, stride, dealt, nearest)
+#define HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, nearest) \
+    hyi_deal_blocks_avx512(swarm, node, list, count, lists, stride, dealt, nearest)
 #define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) hyi_wait_at_children_avx512(waiters, node, ray, mask, enter)
 
 #define HYI_STOREW(p, a) _mm512_storeu_ps(p, a)
@@ -13938,9 +14088,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, HYI_F4 o, HYI_F4 d
     HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     bound = HYI_SIGNED4(bound, d);
     HYI_STORE_PLACES4(aim->near_plane, d);
+    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
     HYI_STORE4(aim->inverse, inverse);
     HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
-    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
 }
 
 /* The largest component of a direction, without a branch, which would be guessed wrong half of the time. bits: of floats. */
@@ -14986,7 +15136,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet
     float at[3][HYI_PACKET_WIDTH], of[3][HYI_PACKET_WIDTH];
     uint32_t lane = hyi_lowest_bit(HYI_BITSW(live));
     HYI_FW never = HYI_SETW(-FLT_MAX);
-    *packet = *filled;
+    memcpy(packet->direction, filled->direction, sizeof packet->direction);
+    memcpy(packet->inverse_z, filled->inverse_z, sizeof packet->inverse_z);
+    memcpy(packet->t_min, filled->t_min, sizeof packet->t_min);
+    memcpy(packet->t_by_z, filled->t_by_z, sizeof packet->t_by_z);
     for (uint32_t a = 0; a < 3; a++) {
         HYI_I(hyi_spread_value)(at[a], o[a], live, lane);
         HYI_I(hyi_spread_value)(of[a], inverse[a], live, lane);
@@ -14999,49 +15152,28 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet
     return HYI_I(hyi_pack_rays)(bvh, packet, first, HYI_BITSW(live), group, at, of);
 }
 
-/* Packets of the groups of a block, the first of which is filled with all of it, where there are enough of one. Returns the
-   bits of the rays that go in none; to each group of these belong too few. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW groups, hyi_packet *packets, uint32_t first, float o[3][HYI_PACKET_WIDTH],
-                                                  float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
-    float group[HYI_PACKET_WIDTH];
-    hyi_packet filled = packets[0];
+/* Packets of the groups of a block where there are enough of one; group: each ray's. Returns the bits of the rays that go in none; to
+   each group of these belong too few. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, const float group[HYI_PACKET_WIDTH], const hyi_packet *filled, hyi_packet *packets,
+                                                  uint32_t first, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    HYI_FW groups = HYI_LOADW(group);
     uint32_t rest = 0;
-    HYI_STOREW(group, groups);
     for (uint32_t left = HYI_ALLW, some; left; left &= ~some) {
         float one = group[hyi_lowest_bit(left)];
         HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
         some = HYI_BITSW(live);
         bool enough = hyi_count_lanes(some) >= HYI_PACKET_LEAST;
-        if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
+        if (enough && HYI_I(hyi_pack_some)(bvh, filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
         else rest |= some;
     }
-    packets[*made] = filled;
     return rest;
 }
 
-/* Whether the lanes have no more than HYI_PACKET_GROUPS different groups. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_few_groups)(HYI_FW groups, const float group[HYI_PACKET_WIDTH]) {
-    uint32_t left = HYI_ALLW;
-    for (uint32_t g = 0; g < HYI_PACKET_GROUPS && left; g++) left &= ~HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[hyi_lowest_bit(left)])));
-    return left == 0;
-}
-
-/* Packets of a block of rays, the first of which is filled with all of it; returns the bits of the rays that go in none: what was
-   filled in is then in the packet after those made. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packets, uint32_t first,
-                                                     float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
-    HYI_FW groups = HYI_I(hyi_find_groups)(block);
-    float group[HYI_PACKET_WIDTH];
-    uint32_t here = 0, rest = HYI_ALLW;
-    HYI_STOREW(group, groups);
-    if (HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[0]))) == HYI_ALLW) {
-        if (!HYI_I(hyi_pack_rays)(bvh, packets, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) return HYI_ALLW;
-        ++*made;
-        return 0;
-    }
-    if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
-    *made += here;
-    return rest;
+/* How many different groups the lanes have, but no more than HYI_PACKET_GROUPS + 1. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_count_groups)(const float group[HYI_PACKET_WIDTH]) {
+    uint32_t left = HYI_ALLW, count = 0;
+    for (; count <= HYI_PACKET_GROUPS && left; count++) left &= ~HYI_BITSW(HYI_SAMEW(HYI_LOADW(group), HYI_SETW(group[hyi_lowest_bit(left)])));
+    return count;
 }
 
 /* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
@@ -15085,17 +15217,38 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW ori
     return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_SIZEW(origin)));
 }
 
-/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
-                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+/* Whether all lanes begin where the vicinity of the tree bounds their errors. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_near_by)(const hyi_site *site, const HYI_I(hyi_block) *block) {
+    const hyi_vicinity *vicinity = &site->accel->vicinity;
+    float radius[3];
+    uint32_t within = site->accel->single ? HYI_ALLW : 0u;
+    memcpy(radius, vicinity->radius, sizeof radius);
+    for (uint32_t a = 0; a < 3; a++) within &= HYI_I(hyi_within)(HYI_SUBW(block->origin[a], HYI_SETW(vicinity->middle[a])), HYI_SETW(radius[a]));
+    return within == HYI_ALLW;
+}
+
+/* hyi_slab_bound for all lanes, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_bound_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, HYI_FW bound[3]) {
     HYI_FW reach[3];
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
+    for (int a = 0; a < 3; a++)
+        bound[a] = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), HYI_SIZEW(block->origin[a])));
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. most: see hyi_cover_slabs. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_site *site, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH], float most[3]) {
+    bool near_by = HYI_I(hyi_begin_near_by)(site, block);
+    HYI_FW bound[3];
+    if (near_by)
+        for (int a = 0; a < 3; a++) bound[a] = HYI_SETW(site->accel->vicinity.bound[a]);
+    else HYI_I(hyi_bound_lanes)(site->bvh, block, bound);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_SIZEW(v);
-        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
-        bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
-        HYI_I(hyi_store_offsets)(v, bound, HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
+        float greatest = near_by ? site->accel->vicinity.bound[a] : HYI_GREATESTW(bound[a]);
+        most[a] = greatest > most[a] ? greatest : most[a];
+        bound[a] = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound[a]), bound[a]);
+        HYI_I(hyi_store_offsets)(block->origin[a], bound[a], HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
     }
 }
 
@@ -15109,8 +15262,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, f
 }
 
 /* Flights of rays first, first + 1, ... of what was filled into a packet. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
-                                                  const hyk_ray *rays, hyi_flight *flights) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_site *site, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
+                                                  const hyk_ray *rays, hyi_flight *flights, float most[3]) {
     float near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
     float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
     static const uint32_t none[HYI_PACKET_WIDTH] = {0};
@@ -15119,10 +15272,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     memset(&blank, 0, sizeof blank);
     blank.aim.unit = blank.aim.inverse_unit = 1.0;
     blank.best.instance = blank.best.primitive = HYK_NONE;
-    HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
+    HYI_I(hyi_offset_lanes)(site, block, inverse, near_offset, far_offset, most);
     HYI_I(hyi_name_axes)(block, plane, axis);
-    const void *boxes[16] = {plane[0], plane[1], plane[2], inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2],
-                             far_offset[0], far_offset[1], far_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
+    const void *boxes[16] = {plane[0], plane[1], plane[2], far_offset[0], far_offset[1], far_offset[2], inverse[0], inverse[1], inverse[2],
+                             near_offset[0], near_offset[1], near_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
     const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
                                  p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
     HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.near_plane));
@@ -15138,7 +15291,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
 }
 
 /* Flights of HYI_LANES others, by their numbers, in the tree of site; false: they must enter one by one. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below) {
+HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below, float most[3]) {
     float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
     hyk_ray rays[HYI_PACKET_WIDTH];
     HYI_I(hyi_block) block;
@@ -15146,7 +15299,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
     for (uint32_t i = 0; i < HYI_LANES; i++) rays[i] = hyi_ray_below(&above[numbers[i]], site);
     if (!HYI_I(hyi_load_block)(site->bvh, rays, &block)) return false;
     HYI_I(hyi_fill_packet)(&block, &packet, o, inverse);
-    HYI_I(hyi_cut_flights)(site->bvh, &block, &packet, inverse, rays, below);
+    HYI_I(hyi_cut_flights)(site, &block, &packet, inverse, rays, below, most);
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         below[i].ray = above[numbers[i]].ray;
         below[i].best = above[numbers[i]].best;
@@ -15158,19 +15311,26 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
    are count, at most capacity, or share packets; share 0: none are made. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                              uint32_t count, uint32_t share, hyi_begun *begun) {
+    hyi_packet filled;
     for (uint32_t first; (first = begun->rays) < count && (share == 0 || begun->packets + HYI_LANES / HYI_PACKET_LEAST < share); begun->rays += HYI_LANES) {
-        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], group[HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        hyi_packet *packet = &stream->packets[begun->packets];
         HYI_I(hyi_block) block;
         if (some < HYI_LANES || !HYI_I(hyi_load_block)(site->bvh, rays + first, &block)) {
             hyi_begin_each(site, stream, rays, answers, first, some, begun);
             continue;
         }
-        HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        HYI_STOREW(group, HYI_I(hyi_find_groups)(&block));
+        uint32_t groups = site->bvh->rows && share ? HYI_I(hyi_count_groups)(group) : HYI_PACKET_GROUPS + 1u, rest = HYI_ALLW;
+        hyi_packet *to = groups == 1u ? &stream->packets[begun->packets] : &filled;
+        HYI_I(hyi_fill_packet)(&block, to, o, inverse);
+        if (groups == 1u && HYI_I(hyi_pack_rays)(site->bvh, to, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) {
+            begun->packets++;
+            continue;
+        }
+        if (groups > 1u && groups <= HYI_PACKET_GROUPS) rest = HYI_I(hyi_pack_groups)(site->bvh, group, to, stream->packets, first, o, inverse, &begun->packets);
         if (rest == 0) continue;
-        HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
+        HYI_I(hyi_cut_flights)(site, &block, to, inverse, rays + first, stream->flights + begun->flights, begun->bound);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
 }
@@ -15433,8 +15593,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 typedef struct HYI_I(hyi_abreast) {
     hyi_packet rays;
     hyi_flight *flights[HYI_PACKET_WIDTH];
-    HYI_I(hyi_block) turn; /* its y and z */
-    uint32_t live;         /* bits of the lanes with a flight */
+    HYI_I(hyi_frames) frames;
+    uint32_t live; /* bits of the lanes with a flight */
 } HYI_I(hyi_abreast);
 
 /* Flights by their numbers; lanes beyond the last repeat the first. false: float tells nothing of some. */
@@ -15461,8 +15621,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_abreast)(const hyi_swarm *swarm, const u
     HYI_STOREW(rays->shear[0], start[3]);
     HYI_STOREW(rays->shear[1], frame[0]);
     HYI_STOREW(rays->direction[2], HYI_DIVW(HYI_SETW(1.0f), limits[2])); /* a rounding off: bounds of errors are all it is for */
-    abreast->turn.y = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(1));
-    abreast->turn.z = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(2));
+    abreast->frames = HYI_I(hyi_frames_of)(frame + 1);
     abreast->live = HYI_ALLW >> (HYI_LANES - count);
     return true;
 }
@@ -15532,12 +15691,11 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI
 }
 
 /* Triangle number triangle of a leaf to all lanes; returns those that certainly miss it. */
-HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const float *rows, uint32_t count, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const HYI_I(hyi_leaf_all) *leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
     for (uint32_t k = 0; k < 3; k++) {
-        const float *row = rows + 3u * k * count + triangle;
-        const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[count]), HYI_SETW(row[2u * count])};
-        HYI_FW x = HYI_I(hyi_turn)(&abreast->turn, v, 0), y = HYI_I(hyi_turn)(&abreast->turn, v, 1), z = HYI_I(hyi_turn)(&abreast->turn, v, 2);
-        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, x, y, z);
+        HYI_FW v[3];
+        HYI_I(hyi_turn_corner)(&abreast->frames, leaf, triangle, k, v);
+        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, v[0], v[1], v[2]);
     }
     HYI_MW misses = HYI_I(hyi_meet_corners_all)(&abreast->rays, m);
     m->possible &= abreast->live;
@@ -15547,16 +15705,16 @@ HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_ab
 /* Offers a leaf's triangles, one after the other, to all lanes. Few lanes may hit any one of them, so these are judged together.
    Returns how many have a hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf), triangle = 0, found = 0;
+    HYI_I(hyi_leaf_all) all = HYI_I(hyi_open_leaf)(hyi_leaf_rows(swarm->site.bvh, leaf), count);
     HYI_I(hyi_held) held;
-    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &held.m);
+    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, &all, triangle, &held.m);
     while (!held.m.possible && ++triangle < count);
     if (triangle == count) return 0;
     held.triangle = HYI_I(hyi_whole)(triangle);
     while (++triangle < count) {
         HYI_I(hyi_meeting) m;
-        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
+        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, &all, triangle, &m);
         if (!m.possible) continue;
         if (m.possible & held.m.possible) {
             found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
@@ -15665,7 +15823,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                 uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    uint32_t first = HYI_DEAL_BLOCKS(swarm->flights, node, list, count, lists, stride, dealt, &least);
+    uint32_t first = HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, &least);
     for (; first < count; first += 8u) {
         uint32_t some = count - first < 8u ? count - first : 8u;
         hyi_masks8 masks;
@@ -15754,26 +15912,30 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
 
 /* ---- instances */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any);
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
+                                              const float bound[3]);
 
 /* The rays of a list go through what a box of the tree over instances stands for. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
     hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
     uint32_t entered = 0, flying = 0, *from = space;
+    float bound[3] = {0.0f, 0.0f, 0.0f};
     for (uint32_t i = 0; i < count; i++) {
         from[flying] = list[i];
         flying += swarm->flights[list[i]].aim.t_far != -FLT_MAX ? 1u : 0u;
     }
     for (uint32_t first = 0, some; first < flying; first += some) {
         some = flying - first < HYI_LANES ? flying - first : HYI_LANES;
-        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered]);
+        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered], bound);
         for (uint32_t i = first; i < first + some; i++) {
             from[entered] = from[i];
-            entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
+            if (!together && !hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site)) continue;
+            if (!together) hyi_cover_slabs(bound, &below[entered].aim, &site.bvh->scaled, false);
+            entered++;
         }
     }
-    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any);
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any, bound);
     for (uint32_t i = 0; i < entered; i++) {
         hyi_flight *above = &swarm->flights[from[i]];
         if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
@@ -16046,8 +16208,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32
     return rest;
 }
 
-/* Sends the first count flights (deep: of those in instances) through the tree of site. */
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any) {
+/* Sends the first count flights (deep: of those in instances) through the tree of site. bound: see hyi_cover_slabs. A list's slabs are as
+   thick as any of its rays needs; where that is too much for others, rays go one by one. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
+                                              const float bound[3]) {
     hyi_swarm swarm;
     uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
@@ -16057,7 +16221,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    memcpy(swarm.bound, bound, sizeof swarm.bound);
+    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE || hyi_slabs_are_thick(&site->bvh->scaled, bound)) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -16070,7 +16235,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
-    hyi_begun begun = {0, 0, 0, true};
+    hyi_begun begun = {0, 0, 0, {0.0f, 0.0f, 0.0f}, true};
     hyi_swarm swarm;
     swarm.site = *site;
     swarm.stream = stream;
@@ -16089,7 +16254,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
-    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any, begun.bound);
     for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], NULL, answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }
@@ -16575,7 +16740,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_PINW(a) HYI_PIN8(a)
 #define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
 #define HYI_LEASTW(a) HYI_LEAST4(HYI_MIN4((a).low, (a).high))
-#define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
+#define HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, nearest) 0u
 #define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) HYI_I(hyi_wait_at_each)(waiters, node, ray, mask, enter)
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
@@ -16625,9 +16790,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, HYI_F4 o, HYI_F4 d
     HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     bound = HYI_SIGNED4(bound, d);
     HYI_STORE_PLACES4(aim->near_plane, d);
+    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
     HYI_STORE4(aim->inverse, inverse);
     HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
-    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
 }
 
 /* The largest component of a direction, without a branch, which would be guessed wrong half of the time. bits: of floats. */
@@ -17673,7 +17838,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet
     float at[3][HYI_PACKET_WIDTH], of[3][HYI_PACKET_WIDTH];
     uint32_t lane = hyi_lowest_bit(HYI_BITSW(live));
     HYI_FW never = HYI_SETW(-FLT_MAX);
-    *packet = *filled;
+    memcpy(packet->direction, filled->direction, sizeof packet->direction);
+    memcpy(packet->inverse_z, filled->inverse_z, sizeof packet->inverse_z);
+    memcpy(packet->t_min, filled->t_min, sizeof packet->t_min);
+    memcpy(packet->t_by_z, filled->t_by_z, sizeof packet->t_by_z);
     for (uint32_t a = 0; a < 3; a++) {
         HYI_I(hyi_spread_value)(at[a], o[a], live, lane);
         HYI_I(hyi_spread_value)(of[a], inverse[a], live, lane);
@@ -17686,49 +17854,28 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet
     return HYI_I(hyi_pack_rays)(bvh, packet, first, HYI_BITSW(live), group, at, of);
 }
 
-/* Packets of the groups of a block, the first of which is filled with all of it, where there are enough of one. Returns the
-   bits of the rays that go in none; to each group of these belong too few. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW groups, hyi_packet *packets, uint32_t first, float o[3][HYI_PACKET_WIDTH],
-                                                  float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
-    float group[HYI_PACKET_WIDTH];
-    hyi_packet filled = packets[0];
+/* Packets of the groups of a block where there are enough of one; group: each ray's. Returns the bits of the rays that go in none; to
+   each group of these belong too few. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, const float group[HYI_PACKET_WIDTH], const hyi_packet *filled, hyi_packet *packets,
+                                                  uint32_t first, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    HYI_FW groups = HYI_LOADW(group);
     uint32_t rest = 0;
-    HYI_STOREW(group, groups);
     for (uint32_t left = HYI_ALLW, some; left; left &= ~some) {
         float one = group[hyi_lowest_bit(left)];
         HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
         some = HYI_BITSW(live);
         bool enough = hyi_count_lanes(some) >= HYI_PACKET_LEAST;
-        if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
+        if (enough && HYI_I(hyi_pack_some)(bvh, filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
         else rest |= some;
     }
-    packets[*made] = filled;
     return rest;
 }
 
-/* Whether the lanes have no more than HYI_PACKET_GROUPS different groups. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_few_groups)(HYI_FW groups, const float group[HYI_PACKET_WIDTH]) {
-    uint32_t left = HYI_ALLW;
-    for (uint32_t g = 0; g < HYI_PACKET_GROUPS && left; g++) left &= ~HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[hyi_lowest_bit(left)])));
-    return left == 0;
-}
-
-/* Packets of a block of rays, the first of which is filled with all of it; returns the bits of the rays that go in none: what was
-   filled in is then in the packet after those made. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packets, uint32_t first,
-                                                     float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
-    HYI_FW groups = HYI_I(hyi_find_groups)(block);
-    float group[HYI_PACKET_WIDTH];
-    uint32_t here = 0, rest = HYI_ALLW;
-    HYI_STOREW(group, groups);
-    if (HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[0]))) == HYI_ALLW) {
-        if (!HYI_I(hyi_pack_rays)(bvh, packets, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) return HYI_ALLW;
-        ++*made;
-        return 0;
-    }
-    if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
-    *made += here;
-    return rest;
+/* How many different groups the lanes have, but no more than HYI_PACKET_GROUPS + 1. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_count_groups)(const float group[HYI_PACKET_WIDTH]) {
+    uint32_t left = HYI_ALLW, count = 0;
+    for (; count <= HYI_PACKET_GROUPS && left; count++) left &= ~HYI_BITSW(HYI_SAMEW(HYI_LOADW(group), HYI_SETW(group[hyi_lowest_bit(left)])));
+    return count;
 }
 
 /* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
@@ -17772,17 +17919,38 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW ori
     return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_SIZEW(origin)));
 }
 
-/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
-                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+/* Whether all lanes begin where the vicinity of the tree bounds their errors. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_near_by)(const hyi_site *site, const HYI_I(hyi_block) *block) {
+    const hyi_vicinity *vicinity = &site->accel->vicinity;
+    float radius[3];
+    uint32_t within = site->accel->single ? HYI_ALLW : 0u;
+    memcpy(radius, vicinity->radius, sizeof radius);
+    for (uint32_t a = 0; a < 3; a++) within &= HYI_I(hyi_within)(HYI_SUBW(block->origin[a], HYI_SETW(vicinity->middle[a])), HYI_SETW(radius[a]));
+    return within == HYI_ALLW;
+}
+
+/* hyi_slab_bound for all lanes, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_bound_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, HYI_FW bound[3]) {
     HYI_FW reach[3];
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
+    for (int a = 0; a < 3; a++)
+        bound[a] = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), HYI_SIZEW(block->origin[a])));
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. most: see hyi_cover_slabs. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_site *site, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH], float most[3]) {
+    bool near_by = HYI_I(hyi_begin_near_by)(site, block);
+    HYI_FW bound[3];
+    if (near_by)
+        for (int a = 0; a < 3; a++) bound[a] = HYI_SETW(site->accel->vicinity.bound[a]);
+    else HYI_I(hyi_bound_lanes)(site->bvh, block, bound);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_SIZEW(v);
-        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
-        bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
-        HYI_I(hyi_store_offsets)(v, bound, HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
+        float greatest = near_by ? site->accel->vicinity.bound[a] : HYI_GREATESTW(bound[a]);
+        most[a] = greatest > most[a] ? greatest : most[a];
+        bound[a] = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound[a]), bound[a]);
+        HYI_I(hyi_store_offsets)(block->origin[a], bound[a], HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
     }
 }
 
@@ -17796,8 +17964,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, f
 }
 
 /* Flights of rays first, first + 1, ... of what was filled into a packet. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
-                                                  const hyk_ray *rays, hyi_flight *flights) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_site *site, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
+                                                  const hyk_ray *rays, hyi_flight *flights, float most[3]) {
     float near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
     float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
     static const uint32_t none[HYI_PACKET_WIDTH] = {0};
@@ -17806,10 +17974,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     memset(&blank, 0, sizeof blank);
     blank.aim.unit = blank.aim.inverse_unit = 1.0;
     blank.best.instance = blank.best.primitive = HYK_NONE;
-    HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
+    HYI_I(hyi_offset_lanes)(site, block, inverse, near_offset, far_offset, most);
     HYI_I(hyi_name_axes)(block, plane, axis);
-    const void *boxes[16] = {plane[0], plane[1], plane[2], inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2],
-                             far_offset[0], far_offset[1], far_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
+    const void *boxes[16] = {plane[0], plane[1], plane[2], far_offset[0], far_offset[1], far_offset[2], inverse[0], inverse[1], inverse[2],
+                             near_offset[0], near_offset[1], near_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
     const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
                                  p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
     HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.near_plane));
@@ -17825,7 +17993,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
 }
 
 /* Flights of HYI_LANES others, by their numbers, in the tree of site; false: they must enter one by one. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below) {
+HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below, float most[3]) {
     float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
     hyk_ray rays[HYI_PACKET_WIDTH];
     HYI_I(hyi_block) block;
@@ -17833,7 +18001,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
     for (uint32_t i = 0; i < HYI_LANES; i++) rays[i] = hyi_ray_below(&above[numbers[i]], site);
     if (!HYI_I(hyi_load_block)(site->bvh, rays, &block)) return false;
     HYI_I(hyi_fill_packet)(&block, &packet, o, inverse);
-    HYI_I(hyi_cut_flights)(site->bvh, &block, &packet, inverse, rays, below);
+    HYI_I(hyi_cut_flights)(site, &block, &packet, inverse, rays, below, most);
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         below[i].ray = above[numbers[i]].ray;
         below[i].best = above[numbers[i]].best;
@@ -17845,21 +18013,61 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
    are count, at most capacity, or share packets; share 0: none are made. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                              uint32_t count, uint32_t share, hyi_begun *begun) {
+    hyi_packet filled;
     for (uint32_t first; (first = begun->rays) < count && (share == 0 || begun->packets + HYI_LANES / HYI_PACKET_LEAST < share); begun->rays += HYI_LANES) {
-        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], group[HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        hyi_packet *packet = &stream->packets[begun->packets];
         HYI_I(hyi_block) block;
         if (some < HYI_LANES || !HYI_I(hyi_load_block)(site->bvh, rays + first, &block)) {
             hyi_begin_each(site, stream, rays, answers, first, some, begun);
             continue;
         }
-        HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        HYI_STOREW(group, HYI_I(hyi_find_groups)(&block));
+        uint32_t groups = site->bvh->rows && share ? HYI_I(hyi_count_groups)(group) : HYI_PACKET_GROUPS + 1u, rest = HYI_ALLW;
+        hyi_packet *to = groups == 1u ? &stream->packets[begun->packets] : &filled;
+        HYI_I(hyi_fill_packet)(&block, to, o, inverse);
+        if (groups == 1u && HYI_I(hyi_pack_rays)(site->bvh, to, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) {
+            begun->packets++;
+            continue;
+        }
+        if (groups > 1u && groups <= HYI_PACKET_GROUPS) rest = HYI_I(hyi_pack_groups)(site->bvh, group, to, stream->packets, first, o, inverse, &begun->packets);
         if (rest == 0) continue;
-        HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
+        HYI_I(hyi_cut_flights)(site, &block, to, inverse, rays + first, stream->flights + begun->flights, begun->bound);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
+}
+/* Corners of a leaf's triangles in the order of the axes of each lane: by choosing, for sets without lookups. */
+
+/* How flights side by side turn axes of space. */
+typedef struct HYI_I(hyi_frames) {
+    HYI_MW y, z; /* the largest component of the direction is z, or else y, or else x */
+} HYI_I(hyi_frames);
+
+/* axis: hyi_aim.axis of all lanes. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_frames) HYI_I(hyi_frames_of)(const HYI_FW axis[3]) {
+    HYI_I(hyi_frames) frames;
+    frames.y = HYI_SAMEW(axis[2], HYI_I(hyi_whole)(1));
+    frames.z = HYI_SAMEW(axis[2], HYI_I(hyi_whole)(2));
+    return frames;
+}
+
+typedef struct HYI_I(hyi_leaf_all) {
+    const float *rows;
+    uint32_t count;
+} HYI_I(hyi_leaf_all);
+
+HYI_INLINE HYI_I(hyi_leaf_all) HYI_I(hyi_open_leaf)(const float *rows, uint32_t count) {
+    HYI_I(hyi_leaf_all) leaf;
+    leaf.rows = rows;
+    leaf.count = count;
+    return leaf;
+}
+
+/* Corner k of a triangle: its coordinates in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_turn_corner)(const HYI_I(hyi_frames) *frames, const HYI_I(hyi_leaf_all) *leaf, uint32_t triangle, uint32_t k, HYI_FW turned[3]) {
+    const float *row = leaf->rows + 3u * k * leaf->count + triangle;
+    const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[leaf->count]), HYI_SETW(row[2u * leaf->count])};
+    for (uint32_t i = 0; i < 3u; i++) turned[i] = HYI_CHOOSEW(frames->z, v[i], HYI_CHOOSEW(frames->y, v[(i + 2u) % 3u], v[(i + 1u) % 3u]));
 }
 /* ---- what packets found, worked out for all lanes at once, and told (expanded once for each instruction set) */
 
@@ -18120,8 +18328,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 typedef struct HYI_I(hyi_abreast) {
     hyi_packet rays;
     hyi_flight *flights[HYI_PACKET_WIDTH];
-    HYI_I(hyi_block) turn; /* its y and z */
-    uint32_t live;         /* bits of the lanes with a flight */
+    HYI_I(hyi_frames) frames;
+    uint32_t live; /* bits of the lanes with a flight */
 } HYI_I(hyi_abreast);
 
 /* Flights by their numbers; lanes beyond the last repeat the first. false: float tells nothing of some. */
@@ -18148,8 +18356,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_abreast)(const hyi_swarm *swarm, const u
     HYI_STOREW(rays->shear[0], start[3]);
     HYI_STOREW(rays->shear[1], frame[0]);
     HYI_STOREW(rays->direction[2], HYI_DIVW(HYI_SETW(1.0f), limits[2])); /* a rounding off: bounds of errors are all it is for */
-    abreast->turn.y = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(1));
-    abreast->turn.z = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(2));
+    abreast->frames = HYI_I(hyi_frames_of)(frame + 1);
     abreast->live = HYI_ALLW >> (HYI_LANES - count);
     return true;
 }
@@ -18219,12 +18426,11 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI
 }
 
 /* Triangle number triangle of a leaf to all lanes; returns those that certainly miss it. */
-HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const float *rows, uint32_t count, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const HYI_I(hyi_leaf_all) *leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
     for (uint32_t k = 0; k < 3; k++) {
-        const float *row = rows + 3u * k * count + triangle;
-        const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[count]), HYI_SETW(row[2u * count])};
-        HYI_FW x = HYI_I(hyi_turn)(&abreast->turn, v, 0), y = HYI_I(hyi_turn)(&abreast->turn, v, 1), z = HYI_I(hyi_turn)(&abreast->turn, v, 2);
-        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, x, y, z);
+        HYI_FW v[3];
+        HYI_I(hyi_turn_corner)(&abreast->frames, leaf, triangle, k, v);
+        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, v[0], v[1], v[2]);
     }
     HYI_MW misses = HYI_I(hyi_meet_corners_all)(&abreast->rays, m);
     m->possible &= abreast->live;
@@ -18234,16 +18440,16 @@ HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_ab
 /* Offers a leaf's triangles, one after the other, to all lanes. Few lanes may hit any one of them, so these are judged together.
    Returns how many have a hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf), triangle = 0, found = 0;
+    HYI_I(hyi_leaf_all) all = HYI_I(hyi_open_leaf)(hyi_leaf_rows(swarm->site.bvh, leaf), count);
     HYI_I(hyi_held) held;
-    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &held.m);
+    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, &all, triangle, &held.m);
     while (!held.m.possible && ++triangle < count);
     if (triangle == count) return 0;
     held.triangle = HYI_I(hyi_whole)(triangle);
     while (++triangle < count) {
         HYI_I(hyi_meeting) m;
-        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
+        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, &all, triangle, &m);
         if (!m.possible) continue;
         if (m.possible & held.m.possible) {
             found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
@@ -18352,7 +18558,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                 uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    uint32_t first = HYI_DEAL_BLOCKS(swarm->flights, node, list, count, lists, stride, dealt, &least);
+    uint32_t first = HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, &least);
     for (; first < count; first += 8u) {
         uint32_t some = count - first < 8u ? count - first : 8u;
         hyi_masks8 masks;
@@ -18441,26 +18647,30 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
 
 /* ---- instances */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any);
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
+                                              const float bound[3]);
 
 /* The rays of a list go through what a box of the tree over instances stands for. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
     hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
     uint32_t entered = 0, flying = 0, *from = space;
+    float bound[3] = {0.0f, 0.0f, 0.0f};
     for (uint32_t i = 0; i < count; i++) {
         from[flying] = list[i];
         flying += swarm->flights[list[i]].aim.t_far != -FLT_MAX ? 1u : 0u;
     }
     for (uint32_t first = 0, some; first < flying; first += some) {
         some = flying - first < HYI_LANES ? flying - first : HYI_LANES;
-        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered]);
+        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered], bound);
         for (uint32_t i = first; i < first + some; i++) {
             from[entered] = from[i];
-            entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
+            if (!together && !hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site)) continue;
+            if (!together) hyi_cover_slabs(bound, &below[entered].aim, &site.bvh->scaled, false);
+            entered++;
         }
     }
-    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any);
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any, bound);
     for (uint32_t i = 0; i < entered; i++) {
         hyi_flight *above = &swarm->flights[from[i]];
         if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
@@ -18733,8 +18943,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32
     return rest;
 }
 
-/* Sends the first count flights (deep: of those in instances) through the tree of site. */
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any) {
+/* Sends the first count flights (deep: of those in instances) through the tree of site. bound: see hyi_cover_slabs. A list's slabs are as
+   thick as any of its rays needs; where that is too much for others, rays go one by one. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
+                                              const float bound[3]) {
     hyi_swarm swarm;
     uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
@@ -18744,7 +18956,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    memcpy(swarm.bound, bound, sizeof swarm.bound);
+    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE || hyi_slabs_are_thick(&site->bvh->scaled, bound)) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -18757,7 +18970,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
-    hyi_begun begun = {0, 0, 0, true};
+    hyi_begun begun = {0, 0, 0, {0.0f, 0.0f, 0.0f}, true};
     hyi_swarm swarm;
     swarm.site = *site;
     swarm.stream = stream;
@@ -18776,7 +18989,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
-    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any, begun.bound);
     for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], NULL, answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }
@@ -19244,7 +19457,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 #define HYI_PINW(a) HYI_PIN8(a)
 #define HYI_GREATESTW(a) HYI_GREATEST4(HYI_MAX4((a).low, (a).high))
 #define HYI_LEASTW(a) HYI_LEAST4(HYI_MIN4((a).low, (a).high))
-#define HYI_DEAL_BLOCKS(flights, node, list, count, lists, stride, dealt, nearest) 0u
+#define HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, nearest) 0u
 #define HYI_WAIT_AT_CHILDREN(waiters, node, ray, mask, enter) HYI_I(hyi_wait_at_each)(waiters, node, ray, mask, enter)
 #define HYI_FD HYI_I(hyi_d4)
 #define HYI_SETD(value) HYI_I(hyi_set_doubles)(value)
@@ -19294,9 +19507,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_aim_slabs)(hyi_aim *aim, HYI_F4 o, HYI_F4 d
     HYI_F4 inverse = HYI_DIV4(HYI_SET4(1.0f), HYI_SIGNED4(HYI_MAX4(HYI_SIZE4(d), HYI_SET4(HYI_STEADY)), d)), zero = HYI_SET4(0.0f);
     bound = HYI_SIGNED4(bound, d);
     HYI_STORE_PLACES4(aim->near_plane, d);
+    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
     HYI_STORE4(aim->inverse, inverse);
     HYI_STORE4(aim->near_offset, HYI_SUB4(zero, HYI_MUL4(HYI_ADD4(o, bound), inverse)));
-    HYI_STORE4(aim->far_offset, HYI_SUB4(zero, HYI_MUL4(HYI_SUB4(o, bound), inverse)));
 }
 
 /* The largest component of a direction, without a branch, which would be guessed wrong half of the time. bits: of floats. */
@@ -20342,7 +20555,10 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet
     float at[3][HYI_PACKET_WIDTH], of[3][HYI_PACKET_WIDTH];
     uint32_t lane = hyi_lowest_bit(HYI_BITSW(live));
     HYI_FW never = HYI_SETW(-FLT_MAX);
-    *packet = *filled;
+    memcpy(packet->direction, filled->direction, sizeof packet->direction);
+    memcpy(packet->inverse_z, filled->inverse_z, sizeof packet->inverse_z);
+    memcpy(packet->t_min, filled->t_min, sizeof packet->t_min);
+    memcpy(packet->t_by_z, filled->t_by_z, sizeof packet->t_by_z);
     for (uint32_t a = 0; a < 3; a++) {
         HYI_I(hyi_spread_value)(at[a], o[a], live, lane);
         HYI_I(hyi_spread_value)(of[a], inverse[a], live, lane);
@@ -20355,49 +20571,28 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_pack_some)(const hyi_bvh *bvh, const hyi_packet
     return HYI_I(hyi_pack_rays)(bvh, packet, first, HYI_BITSW(live), group, at, of);
 }
 
-/* Packets of the groups of a block, the first of which is filled with all of it, where there are enough of one. Returns the
-   bits of the rays that go in none; to each group of these belong too few. */
-HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, HYI_FW groups, hyi_packet *packets, uint32_t first, float o[3][HYI_PACKET_WIDTH],
-                                                  float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
-    float group[HYI_PACKET_WIDTH];
-    hyi_packet filled = packets[0];
+/* Packets of the groups of a block where there are enough of one; group: each ray's. Returns the bits of the rays that go in none; to
+   each group of these belong too few. */
+HYI_FN HYI_TARGET uint32_t HYI_I(hyi_pack_groups)(const hyi_bvh *bvh, const float group[HYI_PACKET_WIDTH], const hyi_packet *filled, hyi_packet *packets,
+                                                  uint32_t first, float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
+    HYI_FW groups = HYI_LOADW(group);
     uint32_t rest = 0;
-    HYI_STOREW(group, groups);
     for (uint32_t left = HYI_ALLW, some; left; left &= ~some) {
         float one = group[hyi_lowest_bit(left)];
         HYI_MW live = HYI_SAMEW(groups, HYI_SETW(one));
         some = HYI_BITSW(live);
         bool enough = hyi_count_lanes(some) >= HYI_PACKET_LEAST;
-        if (enough && HYI_I(hyi_pack_some)(bvh, &filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
+        if (enough && HYI_I(hyi_pack_some)(bvh, filled, &packets[*made], first, live, (uint32_t)one, o, inverse)) (*made)++;
         else rest |= some;
     }
-    packets[*made] = filled;
     return rest;
 }
 
-/* Whether the lanes have no more than HYI_PACKET_GROUPS different groups. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_few_groups)(HYI_FW groups, const float group[HYI_PACKET_WIDTH]) {
-    uint32_t left = HYI_ALLW;
-    for (uint32_t g = 0; g < HYI_PACKET_GROUPS && left; g++) left &= ~HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[hyi_lowest_bit(left)])));
-    return left == 0;
-}
-
-/* Packets of a block of rays, the first of which is filled with all of it; returns the bits of the rays that go in none: what was
-   filled in is then in the packet after those made. */
-HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_pack_block)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, hyi_packet *packets, uint32_t first,
-                                                     float o[3][HYI_PACKET_WIDTH], float inverse[3][HYI_PACKET_WIDTH], uint32_t *made) {
-    HYI_FW groups = HYI_I(hyi_find_groups)(block);
-    float group[HYI_PACKET_WIDTH];
-    uint32_t here = 0, rest = HYI_ALLW;
-    HYI_STOREW(group, groups);
-    if (HYI_BITSW(HYI_SAMEW(groups, HYI_SETW(group[0]))) == HYI_ALLW) {
-        if (!HYI_I(hyi_pack_rays)(bvh, packets, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) return HYI_ALLW;
-        ++*made;
-        return 0;
-    }
-    if (HYI_I(hyi_few_groups)(groups, group)) rest = HYI_I(hyi_pack_groups)(bvh, groups, packets, first, o, inverse, &here);
-    *made += here;
-    return rest;
+/* How many different groups the lanes have, but no more than HYI_PACKET_GROUPS + 1. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_count_groups)(const float group[HYI_PACKET_WIDTH]) {
+    uint32_t left = HYI_ALLW, count = 0;
+    for (; count <= HYI_PACKET_GROUPS && left; count++) left &= ~HYI_BITSW(HYI_SAMEW(HYI_LOADW(group), HYI_SETW(group[hyi_lowest_bit(left)])));
+    return count;
 }
 
 /* A packet of flights; lanes beyond the last repeat the first, and meet nothing. */
@@ -20441,17 +20636,38 @@ HYI_INLINE HYI_TARGET HYI_FW HYI_I(hyi_reach_all)(const hyi_box *box, HYI_FW ori
     return HYI_MULW(HYI_SETW(4.0f), HYI_ADDW(larger, HYI_SIZEW(origin)));
 }
 
-/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
-                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH]) {
+/* Whether all lanes begin where the vicinity of the tree bounds their errors. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_begin_near_by)(const hyi_site *site, const HYI_I(hyi_block) *block) {
+    const hyi_vicinity *vicinity = &site->accel->vicinity;
+    float radius[3];
+    uint32_t within = site->accel->single ? HYI_ALLW : 0u;
+    memcpy(radius, vicinity->radius, sizeof radius);
+    for (uint32_t a = 0; a < 3; a++) within &= HYI_I(hyi_within)(HYI_SUBW(block->origin[a], HYI_SETW(vicinity->middle[a])), HYI_SETW(radius[a]));
+    return within == HYI_ALLW;
+}
+
+/* hyi_slab_bound for all lanes, by axis of space. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_bound_lanes)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, HYI_FW bound[3]) {
     HYI_FW reach[3];
     for (int a = 0; a < 3; a++) reach[a] = HYI_I(hyi_reach_all)(&bvh->scaled, block->origin[a], a, bvh->rows == NULL);
     HYI_FW along = HYI_I(hyi_turn)(block, reach, 2);
+    for (int a = 0; a < 3; a++)
+        bound[a] = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), HYI_SIZEW(block->origin[a])));
+}
+
+/* hyi_aim_slabs for all lanes: where moved planes are met, by axis of space. most: see hyi_cover_slabs. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_offset_lanes)(const hyi_site *site, const HYI_I(hyi_block) *block, float inverse[3][HYI_PACKET_WIDTH],
+                                                   float near_offset[3][HYI_PACKET_WIDTH], float far_offset[3][HYI_PACKET_WIDTH], float most[3]) {
+    bool near_by = HYI_I(hyi_begin_near_by)(site, block);
+    HYI_FW bound[3];
+    if (near_by)
+        for (int a = 0; a < 3; a++) bound[a] = HYI_SETW(site->accel->vicinity.bound[a]);
+    else HYI_I(hyi_bound_lanes)(site->bvh, block, bound);
     for (int a = 0; a < 3; a++) {
-        HYI_FW v = block->origin[a], size = HYI_SIZEW(v);
-        HYI_FW bound = HYI_ADDW(HYI_MULW(HYI_SETW(HYI_SLAB_BOUND), HYI_ADDW(reach[a], along)), HYI_MULW(HYI_SETW(2.0f * HYI_ULP), size));
-        bound = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound), bound);
-        HYI_I(hyi_store_offsets)(v, bound, HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
+        float greatest = near_by ? site->accel->vicinity.bound[a] : HYI_GREATESTW(bound[a]);
+        most[a] = greatest > most[a] ? greatest : most[a];
+        bound[a] = HYI_CHOOSEW(block->falls[a], HYI_I(hyi_negative)(bound[a]), bound[a]);
+        HYI_I(hyi_store_offsets)(block->origin[a], bound[a], HYI_LOADW(inverse[a]), near_offset[a], far_offset[a]);
     }
 }
 
@@ -20465,8 +20681,8 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_name_axes)(const HYI_I(hyi_block) *block, f
 }
 
 /* Flights of rays first, first + 1, ... of what was filled into a packet. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
-                                                  const hyk_ray *rays, hyi_flight *flights) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_site *site, const HYI_I(hyi_block) *block, const hyi_packet *p, float inverse[3][HYI_PACKET_WIDTH],
+                                                  const hyk_ray *rays, hyi_flight *flights, float most[3]) {
     float near_offset[3][HYI_PACKET_WIDTH], far_offset[3][HYI_PACKET_WIDTH];
     float plane[3][HYI_PACKET_WIDTH], axis[3][HYI_PACKET_WIDTH];
     static const uint32_t none[HYI_PACKET_WIDTH] = {0};
@@ -20475,10 +20691,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
     memset(&blank, 0, sizeof blank);
     blank.aim.unit = blank.aim.inverse_unit = 1.0;
     blank.best.instance = blank.best.primitive = HYK_NONE;
-    HYI_I(hyi_offset_lanes)(bvh, block, inverse, near_offset, far_offset);
+    HYI_I(hyi_offset_lanes)(site, block, inverse, near_offset, far_offset, most);
     HYI_I(hyi_name_axes)(block, plane, axis);
-    const void *boxes[16] = {plane[0], plane[1], plane[2], inverse[0], inverse[1], inverse[2], near_offset[0], near_offset[1], near_offset[2],
-                             far_offset[0], far_offset[1], far_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
+    const void *boxes[16] = {plane[0], plane[1], plane[2], far_offset[0], far_offset[1], far_offset[2], inverse[0], inverse[1], inverse[2],
+                             near_offset[0], near_offset[1], near_offset[2], p->t_near, p->t_far, p->inverse_z, p->best_t};
     const void *triangles[16] = {p->origin[0], p->origin[1], p->origin[2], p->shear[0], p->shear[1], axis[0], axis[1], axis[2],
                                  p->direction[0], p->direction[1], p->direction[2], none, none, none, none, none};
     HYI_LINES(boxes, (char *)flights + offsetof(hyi_flight, aim.near_plane));
@@ -20494,7 +20710,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_cut_flights)(const hyi_bvh *bvh, const HYI_
 }
 
 /* Flights of HYI_LANES others, by their numbers, in the tree of site; false: they must enter one by one. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below) {
+HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_flight *above, const uint32_t *numbers, hyi_flight *below, float most[3]) {
     float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
     hyk_ray rays[HYI_PACKET_WIDTH];
     HYI_I(hyi_block) block;
@@ -20502,7 +20718,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
     for (uint32_t i = 0; i < HYI_LANES; i++) rays[i] = hyi_ray_below(&above[numbers[i]], site);
     if (!HYI_I(hyi_load_block)(site->bvh, rays, &block)) return false;
     HYI_I(hyi_fill_packet)(&block, &packet, o, inverse);
-    HYI_I(hyi_cut_flights)(site->bvh, &block, &packet, inverse, rays, below);
+    HYI_I(hyi_cut_flights)(site, &block, &packet, inverse, rays, below, most);
     for (uint32_t i = 0; i < HYI_LANES; i++) {
         below[i].ray = above[numbers[i]].ray;
         below[i].best = above[numbers[i]].best;
@@ -20514,21 +20730,61 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_enter_flights)(const hyi_site *site, const hyi_
    are count, at most capacity, or share packets; share 0: none are made. Those that meet nothing are answered at once. */
 HYI_FN HYI_TARGET void HYI_I(hyi_begin_rays)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers,
                                              uint32_t count, uint32_t share, hyi_begun *begun) {
+    hyi_packet filled;
     for (uint32_t first; (first = begun->rays) < count && (share == 0 || begun->packets + HYI_LANES / HYI_PACKET_LEAST < share); begun->rays += HYI_LANES) {
-        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH];
+        float o[3][HYI_PACKET_WIDTH], inverse[3][HYI_PACKET_WIDTH], group[HYI_PACKET_WIDTH];
         uint32_t some = count - first < HYI_LANES ? count - first : HYI_LANES;
-        hyi_packet *packet = &stream->packets[begun->packets];
         HYI_I(hyi_block) block;
         if (some < HYI_LANES || !HYI_I(hyi_load_block)(site->bvh, rays + first, &block)) {
             hyi_begin_each(site, stream, rays, answers, first, some, begun);
             continue;
         }
-        HYI_I(hyi_fill_packet)(&block, packet, o, inverse);
-        uint32_t rest = site->bvh->rows && share ? HYI_I(hyi_pack_block)(site->bvh, &block, packet, first, o, inverse, &begun->packets) : HYI_ALLW;
+        HYI_STOREW(group, HYI_I(hyi_find_groups)(&block));
+        uint32_t groups = site->bvh->rows && share ? HYI_I(hyi_count_groups)(group) : HYI_PACKET_GROUPS + 1u, rest = HYI_ALLW;
+        hyi_packet *to = groups == 1u ? &stream->packets[begun->packets] : &filled;
+        HYI_I(hyi_fill_packet)(&block, to, o, inverse);
+        if (groups == 1u && HYI_I(hyi_pack_rays)(site->bvh, to, first, HYI_ALLW, (uint32_t)group[0], o, inverse)) {
+            begun->packets++;
+            continue;
+        }
+        if (groups > 1u && groups <= HYI_PACKET_GROUPS) rest = HYI_I(hyi_pack_groups)(site->bvh, group, to, stream->packets, first, o, inverse, &begun->packets);
         if (rest == 0) continue;
-        HYI_I(hyi_cut_flights)(site->bvh, &block, &stream->packets[begun->packets], inverse, rays + first, stream->flights + begun->flights);
+        HYI_I(hyi_cut_flights)(site, &block, to, inverse, rays + first, stream->flights + begun->flights, begun->bound);
         begun->flights += hyi_keep_flights(stream->flights + begun->flights, rest);
     }
+}
+/* Corners of a leaf's triangles in the order of the axes of each lane: by choosing, for sets without lookups. */
+
+/* How flights side by side turn axes of space. */
+typedef struct HYI_I(hyi_frames) {
+    HYI_MW y, z; /* the largest component of the direction is z, or else y, or else x */
+} HYI_I(hyi_frames);
+
+/* axis: hyi_aim.axis of all lanes. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_frames) HYI_I(hyi_frames_of)(const HYI_FW axis[3]) {
+    HYI_I(hyi_frames) frames;
+    frames.y = HYI_SAMEW(axis[2], HYI_I(hyi_whole)(1));
+    frames.z = HYI_SAMEW(axis[2], HYI_I(hyi_whole)(2));
+    return frames;
+}
+
+typedef struct HYI_I(hyi_leaf_all) {
+    const float *rows;
+    uint32_t count;
+} HYI_I(hyi_leaf_all);
+
+HYI_INLINE HYI_I(hyi_leaf_all) HYI_I(hyi_open_leaf)(const float *rows, uint32_t count) {
+    HYI_I(hyi_leaf_all) leaf;
+    leaf.rows = rows;
+    leaf.count = count;
+    return leaf;
+}
+
+/* Corner k of a triangle: its coordinates in the order of axis. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_turn_corner)(const HYI_I(hyi_frames) *frames, const HYI_I(hyi_leaf_all) *leaf, uint32_t triangle, uint32_t k, HYI_FW turned[3]) {
+    const float *row = leaf->rows + 3u * k * leaf->count + triangle;
+    const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[leaf->count]), HYI_SETW(row[2u * leaf->count])};
+    for (uint32_t i = 0; i < 3u; i++) turned[i] = HYI_CHOOSEW(frames->z, v[i], HYI_CHOOSEW(frames->y, v[(i + 2u) % 3u], v[(i + 1u) % 3u]));
 }
 /* ---- what packets found, worked out for all lanes at once, and told (expanded once for each instruction set) */
 
@@ -20789,8 +21045,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_unpack_flights)(const hyi_swarm *swarm, const h
 typedef struct HYI_I(hyi_abreast) {
     hyi_packet rays;
     hyi_flight *flights[HYI_PACKET_WIDTH];
-    HYI_I(hyi_block) turn; /* its y and z */
-    uint32_t live;         /* bits of the lanes with a flight */
+    HYI_I(hyi_frames) frames;
+    uint32_t live; /* bits of the lanes with a flight */
 } HYI_I(hyi_abreast);
 
 /* Flights by their numbers; lanes beyond the last repeat the first. false: float tells nothing of some. */
@@ -20817,8 +21073,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_abreast)(const hyi_swarm *swarm, const u
     HYI_STOREW(rays->shear[0], start[3]);
     HYI_STOREW(rays->shear[1], frame[0]);
     HYI_STOREW(rays->direction[2], HYI_DIVW(HYI_SETW(1.0f), limits[2])); /* a rounding off: bounds of errors are all it is for */
-    abreast->turn.y = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(1));
-    abreast->turn.z = HYI_SAMEW(frame[3], HYI_I(hyi_whole)(2));
+    abreast->frames = HYI_I(hyi_frames_of)(frame + 1);
     abreast->live = HYI_ALLW >> (HYI_LANES - count);
     return true;
 }
@@ -20888,12 +21143,11 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_judge_held)(const hyi_swarm *swarm, HYI
 }
 
 /* Triangle number triangle of a leaf to all lanes; returns those that certainly miss it. */
-HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const float *rows, uint32_t count, uint32_t triangle, HYI_I(hyi_meeting) *m) {
+HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_abreast) *abreast, const HYI_I(hyi_leaf_all) *leaf, uint32_t triangle, HYI_I(hyi_meeting) *m) {
     for (uint32_t k = 0; k < 3; k++) {
-        const float *row = rows + 3u * k * count + triangle;
-        const HYI_FW v[3] = {HYI_SETW(row[0]), HYI_SETW(row[count]), HYI_SETW(row[2u * count])};
-        HYI_FW x = HYI_I(hyi_turn)(&abreast->turn, v, 0), y = HYI_I(hyi_turn)(&abreast->turn, v, 1), z = HYI_I(hyi_turn)(&abreast->turn, v, 2);
-        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, x, y, z);
+        HYI_FW v[3];
+        HYI_I(hyi_turn_corner)(&abreast->frames, leaf, triangle, k, v);
+        m->corners[k] = HYI_I(hyi_shear_lanes)(&abreast->rays, v[0], v[1], v[2]);
     }
     HYI_MW misses = HYI_I(hyi_meet_corners_all)(&abreast->rays, m);
     m->possible &= abreast->live;
@@ -20903,16 +21157,16 @@ HYI_INLINE HYI_TARGET HYI_MW HYI_I(hyi_meet_triangle_abreast)(const HYI_I(hyi_ab
 /* Offers a leaf's triangles, one after the other, to all lanes. Few lanes may hit any one of them, so these are judged together.
    Returns how many have a hit. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaf_abreast)(const hyi_swarm *swarm, HYI_I(hyi_abreast) *abreast, uint32_t leaf, bool any) {
-    const float *rows = hyi_leaf_rows(swarm->site.bvh, leaf);
     uint32_t count = hyi_leaf_count(leaf), triangle = 0, found = 0;
+    HYI_I(hyi_leaf_all) all = HYI_I(hyi_open_leaf)(hyi_leaf_rows(swarm->site.bvh, leaf), count);
     HYI_I(hyi_held) held;
-    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &held.m);
+    do (void)HYI_I(hyi_meet_triangle_abreast)(abreast, &all, triangle, &held.m);
     while (!held.m.possible && ++triangle < count);
     if (triangle == count) return 0;
     held.triangle = HYI_I(hyi_whole)(triangle);
     while (++triangle < count) {
         HYI_I(hyi_meeting) m;
-        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, rows, count, triangle, &m);
+        HYI_MW misses = HYI_I(hyi_meet_triangle_abreast)(abreast, &all, triangle, &m);
         if (!m.possible) continue;
         if (m.possible & held.m.possible) {
             found |= HYI_I(hyi_judge_held)(swarm, abreast, leaf, &held, any);
@@ -21021,7 +21275,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_still_meet)(const hyi_swarm *swarm, con
 HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_rays)(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                 uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], float nearest[HYI_WIDTH]) {
     HYI_F8 least = HYI_SET8(FLT_MAX);
-    uint32_t first = HYI_DEAL_BLOCKS(swarm->flights, node, list, count, lists, stride, dealt, &least);
+    uint32_t first = HYI_DEAL_BLOCKS(swarm, node, list, count, lists, stride, dealt, &least);
     for (; first < count; first += 8u) {
         uint32_t some = count - first < 8u ? count - first : 8u;
         hyi_masks8 masks;
@@ -21110,26 +21364,30 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_node_packets)(const hyi_swarm *swarm, uint
 
 /* ---- instances */
 
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any);
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
+                                              const float bound[3]);
 
 /* The rays of a list go through what a box of the tree over instances stands for. */
 HYI_FN HYI_TARGET void HYI_I(hyi_list_enter)(const hyi_swarm *swarm, uint32_t leaf, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_site site = hyi_site_of_item(swarm->site.accel, swarm->site.bvh->ids[hyi_leaf_first(leaf)]);
     hyi_flight *below = swarm->stream->flights + swarm->stream->capacity;
     uint32_t entered = 0, flying = 0, *from = space;
+    float bound[3] = {0.0f, 0.0f, 0.0f};
     for (uint32_t i = 0; i < count; i++) {
         from[flying] = list[i];
         flying += swarm->flights[list[i]].aim.t_far != -FLT_MAX ? 1u : 0u;
     }
     for (uint32_t first = 0, some; first < flying; first += some) {
         some = flying - first < HYI_LANES ? flying - first : HYI_LANES;
-        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered]);
+        bool together = some == HYI_LANES && site.bvh->primitive_count && HYI_I(hyi_enter_flights)(&site, swarm->flights, from + first, &below[entered], bound);
         for (uint32_t i = first; i < first + some; i++) {
             from[entered] = from[i];
-            entered += together || hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site) ? 1u : 0u;
+            if (!together && !hyi_flight_enter(&below[entered], &swarm->flights[from[i]], &site)) continue;
+            if (!together) hyi_cover_slabs(bound, &below[entered].aim, &site.bvh->scaled, false);
+            entered++;
         }
     }
-    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any);
+    HYI_I(hyi_run_flights)(&site, swarm->stream, entered, space + ((entered + 15u) & ~15u), swarm->lists_end, true, swarm->any, bound);
     for (uint32_t i = 0; i < entered; i++) {
         hyi_flight *above = &swarm->flights[from[i]];
         if (hyi_flight_return(above, &below[i]) && swarm->any) hyi_flight_stop(above);
@@ -21402,8 +21660,10 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32
     return rest;
 }
 
-/* Sends the first count flights (deep: of those in instances) through the tree of site. */
-HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any) {
+/* Sends the first count flights (deep: of those in instances) through the tree of site. bound: see hyi_cover_slabs. A list's slabs are as
+   thick as any of its rays needs; where that is too much for others, rays go one by one. */
+HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
+                                              const float bound[3]) {
     hyi_swarm swarm;
     uint32_t room = (count + 15u) & ~15u, rest = count;
     swarm.site = *site;
@@ -21413,7 +21673,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.flights = stream->flights + (deep ? stream->capacity : 0u);
     swarm.packets = stream->packets;
     swarm.any = any;
-    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
+    memcpy(swarm.bound, bound, sizeof swarm.bound);
+    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE || hyi_slabs_are_thick(&site->bvh->scaled, bound)) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
@@ -21426,7 +21687,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
 
 /* Answers count rays, at most capacity. Returns whether all were sound. */
 HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stream *stream, const hyk_ray *rays, const hyi_answers *answers, uint32_t count) {
-    hyi_begun begun = {0, 0, 0, true};
+    hyi_begun begun = {0, 0, 0, {0.0f, 0.0f, 0.0f}, true};
     hyi_swarm swarm;
     swarm.site = *site;
     swarm.stream = stream;
@@ -21445,7 +21706,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
         HYI_I(hyi_unpack_all)(&swarm, begun.packets, answers);
         begun.packets = 0;
     }
-    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any);
+    HYI_I(hyi_run_flights)(site, stream, begun.flights, stream->lists, swarm.lists_end, false, swarm.any, begun.bound);
     for (uint32_t i = 0; i < begun.flights; i++) hyi_tell(site->accel, &stream->flights[i], NULL, answers, (size_t)(stream->flights[i].ray - rays));
     return begun.sound;
 }
