@@ -52,6 +52,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     }
     HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
     packet->waiting = 0;
+    packet->many_children = HYI_MANY_CHILDREN;
     packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;

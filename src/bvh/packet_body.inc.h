@@ -504,12 +504,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, uint32_t l
     visitors->count = waiting;
 }
 
-/* How far a packet, or pair, still looks after a hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet) {
+/* How far a packet, or pair, still looks after a hit, and how closely. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet, bool any) {
     hyi_packet *lead = &swarm->packets[packet->lead];
     HYI_FW t_far = HYI_LOADW(lead->t_far);
     if (lead->mate != HYK_NONE) t_far = HYI_MAXW(t_far, HYI_LOADW(swarm->packets[lead->mate].t_far));
     lead->last_t = HYI_GREATESTW(t_far);
+    if (any && 2u * hyi_count_lanes(HYI_BITSW(HYI_LTW(HYI_SETW(-FLT_MAX), t_far))) <= HYI_LANES) lead->many_children = HYI_MANY_FOR_FEW;
 }
 
 /* Packets that wait meet their leaves. */
@@ -524,7 +525,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_admit)(const hyi_swarm *swarm, bool any) {
         } else {
             found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
-        if (found) HYI_I(hyi_limit_packet)(swarm, packet);
+        if (found) HYI_I(hyi_limit_packet)(swarm, packet, any);
     }
     visitors->count = 0;
 }

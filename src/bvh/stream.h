@@ -24,7 +24,8 @@
 #define HYI_CULL_SHARE 6u        /* if fewer than one in so many met something, lists are not looked through for rays to leave out */
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
-#define HYI_MANY_CHILDREN 4u     /* met by the bounds of a packet, make it worth looking at each of its rays */
+#define HYI_MANY_CHILDREN 4u     /* met by the bounds of a packet, make it worth looking at each of its rays, */
+#define HYI_MANY_FOR_FEW 2u      /* and so many where half of the rays or more are done, and bounds are those of all */
 #define HYI_VISITORS_LEAST 8u    /* packets that come to leaves wait until they are so many */
 #define HYI_VISITORS_MOST (HYI_VISITORS_LEAST + HYI_STREAM_PACKETS)
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
@@ -89,7 +90,8 @@ typedef struct hyi_packet {
     uint32_t live, group;                /* bits of the lanes with a ray; what their directions have in common: see hyi_aim_group */
     float shear_middle[2], shear_half[2]; /* of all rays, and the most by which they are off it */
     uint32_t lead, mate;                 /* of a pair: who goes for both, with the bounds of both; of that one: the other, HYK_NONE: it goes alone */
-    uint32_t unused[7];                  /* fills the last cache line: vectors of rays lie in one each */
+    uint32_t many_children;              /* met by bounds of rays that begin at different points, make it worth looking at each ray */
+    uint32_t unused[6];                  /* fills the last cache line: vectors of rays lie in one each */
 } hyi_packet;
 HYI_STATIC_ASSERT(sizeof(hyi_packet) % 64u == 0);
 

@@ -65,7 +65,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
             uint32_t met = HYI_BITS8(mask);
             masks.bytes[i] = (uint8_t)met;
             unsure[doubts] = i;
-            doubts += packet->spread && hyi_count_bits(met) >= HYI_MANY_CHILDREN ? 1u : 0u;
+            doubts += packet->spread && hyi_count_bits(met) >= packet->many_children ? 1u : 0u;
         }
         for (uint32_t k = 0; k < doubts; k++) {
             uint32_t i = unsure[k];
