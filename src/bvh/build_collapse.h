@@ -162,12 +162,7 @@ HYI_FN void hyi_begin_node(hyi_node *node, const hyi_build *build, const hyi_fam
             lower[k] = hyi_four_load(box->lower);
             upper[k] = hyi_four_load(box->upper);
         }
-        hyi_four_transpose(lower);
-        hyi_four_transpose(upper);
-        for (uint32_t a = 0; a < 3; a++) {
-            hyi_four_store(&node->planes[2u * a][c], lower[a]);
-            hyi_four_store(&node->planes[2u * a + 1u][c], upper[a]);
-        }
+        hyi_node_set_planes(node, c, lower, upper);
     }
     for (uint32_t c = 0; c < HYI_WIDTH; c++) {
         node->child[c] = HYI_CHILD_NONE;

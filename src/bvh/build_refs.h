@@ -128,6 +128,24 @@ HYI_INLINE bool hyi_four_is_flat(hyi_four a, hyi_four b, hyi_four c, const float
     return !hyi_four_exceeds(hyi_four_abs(hyi_four_sub(p, q)), doubt) && hyi_triangle_is_degenerate(pa, pb, pc);
 }
 
+/* Bits of those of four triangles, as rows of x, y and z by corner, of which hyi_four_is_flat would ask for more than floats. */
+HYI_INLINE uint32_t hyi_four_maybe_flat(hyi_four a[4], hyi_four b[4], hyi_four c[4]) {
+    const hyi_four share = hyi_four_all(9.5367431640625e-07f), least = hyi_four_all(7.52316384526264e-37f);
+    hyi_four e[3], f[3];
+    uint32_t sure = 0;
+    for (int i = 0; i < 3; i++) {
+        e[i] = hyi_four_sub(b[i], a[i]);
+        f[i] = hyi_four_sub(c[i], a[i]);
+    }
+    for (int i = 0; i < 3; i++) {
+        int next = i == 2 ? 0 : i + 1, last = i == 0 ? 2 : i - 1;
+        hyi_four p = hyi_four_mul(e[next], f[last]), q = hyi_four_mul(e[last], f[next]);
+        hyi_four size = hyi_four_add(hyi_four_abs(p), hyi_four_abs(q));
+        sure |= hyi_four_greater(hyi_four_abs(hyi_four_sub(p, q)), hyi_four_add(hyi_four_mul(size, share), least));
+    }
+    return ~sure & 15u;
+}
+
 /* Corner of triangle id of the source. */
 HYI_INLINE const float *hyi_source_corner(const hyi_build *build, uint32_t id, uint32_t corner) {
     return build->positions + 3u * (size_t)build->indices[3u * (size_t)id + corner];

@@ -43,8 +43,8 @@ HYI_INLINE void hyi_four_to_bytes(hyi_four a, hyi_four b, uint8_t *to) {
     _mm_storel_epi64((__m128i *)(void *)to, _mm_packus_epi16(words, words));
 }
 HYI_INLINE void hyi_four_transpose(hyi_four a[4]) { _MM_TRANSPOSE4_PS(a[0], a[1], a[2], a[3]); }
-/* Whether a > b in x, y or z. */
-HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return (_mm_movemask_ps(_mm_cmpgt_ps(a, b)) & 7) != 0; }
+/* Bits of the lanes where a > b. */
+HYI_INLINE uint32_t hyi_four_greater(hyi_four a, hyi_four b) { return (uint32_t)_mm_movemask_ps(_mm_cmpgt_ps(a, b)); }
 
 #elif HYI_NEON
 
@@ -77,9 +77,10 @@ HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
     a[2] = vcombine_f32(vget_high_f32(low.val[0]), vget_high_f32(high.val[0]));
     a[3] = vcombine_f32(vget_high_f32(low.val[1]), vget_high_f32(high.val[1]));
 }
-HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) {
-    uint32x4_t more = vcgtq_f32(a, b);
-    return (vgetq_lane_u32(more, 0) | vgetq_lane_u32(more, 1) | vgetq_lane_u32(more, 2)) != 0u;
+HYI_INLINE uint32_t hyi_four_greater(hyi_four a, hyi_four b) {
+    const uint32_t bits[4] = {1u, 2u, 4u, 8u};
+    uint32x4_t more = vandq_u32(vcgtq_f32(a, b), vld1q_u32(bits));
+    return vgetq_lane_u32(more, 0) | vgetq_lane_u32(more, 1) | vgetq_lane_u32(more, 2) | vgetq_lane_u32(more, 3);
 }
 
 #else
@@ -149,9 +150,16 @@ HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
         }
     }
 }
-HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return a.f[0] > b.f[0] || a.f[1] > b.f[1] || a.f[2] > b.f[2]; }
+HYI_INLINE uint32_t hyi_four_greater(hyi_four a, hyi_four b) {
+    uint32_t bits = 0;
+    for (uint32_t i = 0; i < 4u; i++) bits |= a.f[i] > b.f[i] ? 1u << i : 0u;
+    return bits;
+}
 
 #endif
+
+/* Whether a > b in x, y or z. */
+HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return (hyi_four_greater(a, b) & 7u) != 0u; }
 
 HYI_INLINE hyi_four hyi_four_abs(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
 
@@ -230,6 +238,16 @@ HYI_INLINE hyi_bounds hyi_bounds_load(const float *lower, const float *upper) {
     b.lower = hyi_four_load3(lower);
     b.upper = hyi_four_load3(upper);
     return b;
+}
+
+/* Boxes of four children from c on become planes. */
+HYI_INLINE void hyi_node_set_planes(hyi_node *node, uint32_t c, hyi_four lower[4], hyi_four upper[4]) {
+    hyi_four_transpose(lower);
+    hyi_four_transpose(upper);
+    for (uint32_t a = 0; a < 3; a++) {
+        hyi_four_store(&node->planes[2u * a][c], lower[a]);
+        hyi_four_store(&node->planes[2u * a + 1u][c], upper[a]);
+    }
 }
 
 #endif /* HYI_BVH_BUILD_VECTOR_H */

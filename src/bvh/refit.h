@@ -26,28 +26,38 @@ HYI_INLINE hyi_box hyi_box_of(const hyi_bounds *bounds) {
 /* ---- expected cost */
 
 /* What visiting a child adds to the cost of a tree, by the share of rays that come there. */
-HYI_INLINE double hyi_child_cost(uint32_t child) {
-    if (!hyi_child_is_leaf(child)) return (double)HYI_COST_NODE;
-    return (double)HYI_COST_LEAF + (double)HYI_COST_TRIANGLE * (double)hyi_leaf_count(child);
+HYI_INLINE float hyi_child_cost(uint32_t child) {
+    return hyi_child_is_leaf(child) ? HYI_COST_LEAF + HYI_COST_TRIANGLE * (float)hyi_leaf_count(child) : HYI_COST_NODE;
 }
 
 /* areas: the sum of hyi_child_cost times area over all children. The unit is the visit of a node. */
 HYI_INLINE float hyi_relative_cost(const hyi_bvh *bvh, double areas, double area) {
-    return (float)((hyi_child_cost(bvh->root) + (area > 0.0 ? areas / area : 0.0)) / (double)HYI_COST_NODE);
+    return (float)(((double)hyi_child_cost(bvh->root) + (area > 0.0 ? areas / area : 0.0)) / (double)HYI_COST_NODE);
+}
+
+/* What the children of a node add to that sum. Who is not there has an area of 0. */
+HYI_INLINE double hyi_node_areas(const hyi_node *node) {
+    hyi_four sum = hyi_four_all(0.0f);
+    float lanes[4];
+    for (uint32_t c = 0; c < HYI_WIDTH; c += 4u) {
+        hyi_four size[3];
+        float cost[4];
+        for (uint32_t a = 0; a < 3; a++) {
+            hyi_four extent = hyi_four_sub(hyi_four_load(&node->planes[2u * a + 1u][c]), hyi_four_load(&node->planes[2u * a][c]));
+            size[a] = hyi_four_max(extent, hyi_four_all(0.0f));
+        }
+        for (uint32_t k = 0; k < 4; k++) cost[k] = hyi_child_cost(node->child[c + k]);
+        sum = hyi_four_add(sum, hyi_four_mul(hyi_four_surface(size[0], size[1], size[2]), hyi_four_load(cost)));
+    }
+    hyi_four_store(lanes, sum);
+    return (double)lanes[0] + (double)lanes[1] + (double)lanes[2] + (double)lanes[3];
 }
 
 /* Expected cost of a ray that meets the tree's bounds and nothing in them (MacDonald and Booth 1990). */
 HYI_FN float hyi_bvh_cost(const hyi_bvh *bvh) {
     double areas = 0.0;
     if (bvh->primitive_count == 0) return 0.0f;
-    for (uint32_t n = 0; n < bvh->node_count; n++) {
-        for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-            uint32_t child = hyi_node_child(bvh, n, c);
-            if (child == HYI_CHILD_NONE) break;
-            hyi_box box = hyi_node_box(bvh, n, c);
-            areas += hyi_child_cost(child) * hyi_box_area(&box);
-        }
-    }
+    for (uint32_t n = 0; n < bvh->node_count; n++) areas += hyi_node_areas(&bvh->nodes[n]);
     return hyi_relative_cost(bvh, areas, hyi_box_area(&bvh->scaled));
 }
 
@@ -111,67 +121,131 @@ HYI_INLINE bool hyi_refit_lane(const hyi_refit *refit, const uint32_t *index, fl
     return !flat;
 }
 
-/* Box of a leaf's triangles, whose rows are written. One without area counts for it only where there is no other. */
-HYI_FN hyi_bounds hyi_refit_leaf(const hyi_refit *refit, uint32_t leaf, hyi_refit_sum *sum) {
-    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
-    const uint32_t *ids = refit->bvh->ids + first;
+/* Up to four triangles side by side: their rows, and their box. false: one of them may have no area, and nothing is done. rows:
+   of the first of them; of fewer than four, they are all that the leaf has. */
+HYI_INLINE bool hyi_refit_lanes(const hyi_refit *refit, const uint32_t *ids, uint32_t count, float *rows, uint32_t stride, hyi_bounds *box) {
+    const hyi_four scale = hyi_four_all(refit->scale);
+    hyi_four corners[3][4], last[4];
+    hyi_bounds all = *box;
+    for (uint32_t lane = 0; lane < 4; lane++) {
+        const uint32_t *index = refit->indices + 3u * (size_t)ids[lane < count ? lane : count - 1u];
+        for (uint32_t c = 0; c < 3; c++) corners[c][lane] = hyi_four_load3(refit->positions + 3u * (size_t)index[c]);
+        hyi_bounds_add(&all, hyi_four_min(corners[0][lane], hyi_four_min(corners[1][lane], corners[2][lane])),
+                       hyi_four_max(corners[0][lane], hyi_four_max(corners[1][lane], corners[2][lane])));
+        last[lane] = corners[2][lane];
+    }
+    for (uint32_t c = 0; c < 3; c++) hyi_four_transpose(corners[c]);
+    if (HYI_UNLIKELY(hyi_four_maybe_flat(corners[0], corners[1], corners[2]))) return false;
+    *box = all;
+    /* rows of less than four reach into the next ones, but for the last */
+    for (uint32_t r = 0; r < 6; r++) hyi_four_store(rows + r * stride, hyi_four_mul(corners[r / 3u][r % 3u], scale));
+    if (count == 4u) {
+        for (uint32_t r = 0; r < 3; r++) hyi_four_store(rows + (6u + r) * stride, hyi_four_mul(corners[2][r], scale));
+        return true;
+    }
+    for (uint32_t lane = 0; lane < count; lane++) hyi_four_scatter(hyi_four_mul(last[lane], scale), rows + 6u * stride + lane, stride);
+    return true;
+}
+
+/* A leaf one by one. A triangle without area counts for its box only where there is no other. */
+HYI_NOINLINE hyi_bounds hyi_refit_leaf_slowly(const hyi_refit *refit, const uint32_t *ids, uint32_t count, float *rows, hyi_refit_sum *sum) {
     hyi_bounds box = hyi_raw_empty();
     hyi_four point = box.lower;
     for (uint32_t lane = 0; lane < count; lane++) {
-        float *rows = hyi_leaf_lane(refit->bvh, first, lane);
-        if (!hyi_refit_lane(refit, refit->indices + 3u * (size_t)ids[lane], rows, count, &box, &point)) sum->collapsed++;
+        if (!hyi_refit_lane(refit, refit->indices + 3u * (size_t)ids[lane], rows + lane, count, &box, &point)) sum->collapsed++;
     }
     hyi_bounds_add(&sum->real, box.lower, box.upper);
     if (hyi_bounds_are_empty(&box)) box.lower = box.upper = point;
     return box;
 }
 
+/* Box of a leaf's triangles, whose rows are written. */
+HYI_FN hyi_bounds hyi_refit_leaf(const hyi_refit *refit, uint32_t leaf, hyi_refit_sum *sum) {
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf), more = count > 4u ? count - 4u : 0u;
+    const uint32_t *ids = refit->bvh->ids + first;
+    float *rows = hyi_leaf_lane(refit->bvh, first, 0);
+    hyi_bounds box = hyi_raw_empty();
+    bool done = hyi_refit_lanes(refit, ids, count - more < 4u ? count : 4u, rows, count, &box);
+    if (more) done = done && hyi_refit_lanes(refit, ids + more, 4, rows + more, count, &box); /* those at the end, some once more */
+    if (!done) return hyi_refit_leaf_slowly(refit, ids, count, rows, sum);
+    hyi_bounds_add(&sum->real, box.lower, box.upper);
+    return box;
+}
+
+/* Triangles lie anywhere: those behind a leaf in the order of slots, in which a build has them as subtrees are walked, are asked
+   for. */
+#define HYI_REFIT_AHEAD 24u
+HYI_INLINE void hyi_refit_ask(const hyi_refit *refit, uint32_t leaf) {
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
+    const uint32_t *ids = refit->bvh->ids + first + HYI_REFIT_AHEAD;
+    if (refit->bvh->slot_count - first < 2u * HYI_REFIT_AHEAD + HYI_LEAF_MAX) return;
+    for (uint32_t i = 0; i < count; i++) hyi_prefetch(refit->indices + 3u * (size_t)ids[HYI_REFIT_AHEAD + i]);
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t *index = refit->indices + 3u * (size_t)ids[i];
+        for (uint32_t c = 0; c < 3; c++) hyi_prefetch(refit->positions + 3u * (size_t)index[c]);
+    }
+}
+
 /* ---- nodes */
 
 /* Writes a node whose children's boxes are known; returns their union. */
-HYI_FN hyi_bounds hyi_refit_close(const hyi_refit *refit, uint32_t node, const hyi_bounds *raw, hyi_refit_sum *sum) {
-    hyi_four scale = hyi_four_all(refit->scale);
+HYI_FN hyi_bounds hyi_refit_close(const hyi_refit *refit, uint32_t at, const hyi_bounds *raw, hyi_refit_sum *sum) {
+    const hyi_four scale = hyi_four_all(refit->scale);
+    const hyi_bounds none = hyi_bounds_empty();
+    hyi_node *node = &refit->bvh->nodes[at];
     hyi_bounds all = hyi_raw_empty();
-    hyi_box boxes[HYI_WIDTH];
-    uint32_t count = 0;
-    for (; count < HYI_WIDTH; count++) {
-        uint32_t child = hyi_node_child(refit->bvh, node, count);
-        if (child == HYI_CHILD_NONE) break;
-        hyi_bounds_add(&all, raw[count].lower, raw[count].upper);
-        hyi_four_scatter(hyi_four_mul(raw[count].lower, scale), boxes[count].lower, 1);
-        hyi_four_scatter(hyi_four_mul(raw[count].upper, scale), boxes[count].upper, 1);
-        sum->areas += hyi_child_cost(child) * hyi_box_area(&boxes[count]);
+    for (uint32_t c = 0; c < HYI_WIDTH; c += 4u) {
+        hyi_four lower[4], upper[4];
+        for (uint32_t k = 0; k < 4; k++) {
+            bool there = node->child[c + k] != HYI_CHILD_NONE;
+            lower[k] = there ? hyi_four_mul(raw[c + k].lower, scale) : none.lower;
+            upper[k] = there ? hyi_four_mul(raw[c + k].upper, scale) : none.upper;
+            if (there) hyi_bounds_add(&all, raw[c + k].lower, raw[c + k].upper);
+        }
+        hyi_node_set_planes(node, c, lower, upper);
     }
-    hyi_node_move(refit->bvh, node, boxes, count);
+    sum->areas += hyi_node_areas(node);
     return all;
 }
 
-/* A node on the way down, and the boxes of its children as far as they are known. */
+/* A node on the way down, the boxes of its children as far as they are known, and bits of those that are not. */
 typedef struct hyi_refit_frame {
-    uint32_t node, next;
+    uint32_t node, open;
     hyi_bounds boxes[HYI_WIDTH];
 } hyi_refit_frame;
 
-/* Depth first, so that a node is written when its leaves have just been. */
+/* Leaves in the order of their slots, which is from the last on. */
+HYI_FN void hyi_refit_enter(const hyi_refit *refit, uint32_t node, hyi_refit_frame *frame, hyi_refit_sum *sum) {
+    frame->node = node;
+    frame->open = 0;
+    for (uint32_t c = HYI_WIDTH; c-- > 0;) {
+        uint32_t child = hyi_node_child(refit->bvh, node, c);
+        if (hyi_child_is_leaf(child)) {
+            hyi_refit_ask(refit, child);
+            frame->boxes[c] = hyi_refit_leaf(refit, child, sum);
+        } else if (child != HYI_CHILD_NONE) {
+            frame->open |= 1u << c;
+        }
+    }
+}
+
+/* Depth first, the leaves of a node before the nodes below it: so slots come one after the other. */
 HYI_FN hyi_bounds hyi_refit_subtree(const hyi_refit *refit, uint32_t root, hyi_refit_sum *sum) {
     hyi_refit_frame frames[HYI_TREE_DEPTH];
     uint32_t level = 0;
-    frames[0].node = root;
-    frames[0].next = 0;
+    hyi_refit_enter(refit, root, &frames[0], sum);
     for (;;) {
         hyi_refit_frame *frame = &frames[level];
-        uint32_t child = frame->next < HYI_WIDTH ? hyi_node_child(refit->bvh, frame->node, frame->next) : HYI_CHILD_NONE;
-        if (child == HYI_CHILD_NONE) {
-            hyi_bounds box = hyi_refit_close(refit, frame->node, frame->boxes, sum);
-            if (level == 0) return box;
-            frame = &frames[--level];
-            frame->boxes[frame->next++] = box;
-        } else if (hyi_child_is_leaf(child)) {
-            frame->boxes[frame->next++] = hyi_refit_leaf(refit, child, sum);
-        } else {
-            frames[++level].node = child;
-            frames[level].next = 0;
+        if (frame->open) {
+            uint32_t child = hyi_node_child(refit->bvh, frame->node, hyi_lowest_bit(frame->open));
+            hyi_refit_enter(refit, child, &frames[++level], sum);
+            continue;
         }
+        hyi_bounds box = hyi_refit_close(refit, frame->node, frame->boxes, sum);
+        if (level == 0) return box;
+        frame = &frames[--level];
+        frame->boxes[hyi_lowest_bit(frame->open)] = box;
+        frame->open &= frame->open - 1u;
     }
 }
 
