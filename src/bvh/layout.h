@@ -134,16 +134,6 @@ HYI_INLINE hyi_box hyi_node_box(const hyi_bvh *bvh, uint32_t node, uint32_t c) {
     return box;
 }
 
-/* Gives the first count children, which are all, new boxes, in the tree's units. */
-HYI_INLINE void hyi_node_move(hyi_bvh *bvh, uint32_t node, const hyi_box *boxes, uint32_t count) {
-    for (int a = 0; a < 3; a++) {
-        for (uint32_t c = 0; c < count; c++) {
-            bvh->nodes[node].planes[2 * a][c] = boxes[c].lower[a];
-            bvh->nodes[node].planes[2 * a + 1][c] = boxes[c].upper[a];
-        }
-    }
-}
-
 /* Where the first float of a triangle lies in its leaf; the other eight follow at distances of count. */
 HYI_INLINE float *hyi_leaf_lane(const hyi_bvh *bvh, uint32_t first, uint32_t lane) { return bvh->rows + 9u * (size_t)first + lane; }
 

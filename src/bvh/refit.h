@@ -173,12 +173,13 @@ HYI_FN hyi_bounds hyi_refit_leaf(const hyi_refit *refit, uint32_t leaf, hyi_refi
 }
 
 /* Triangles lie anywhere: those behind a leaf in the order of slots, in which a build has them as subtrees are walked, are asked
-   for. */
-#define HYI_REFIT_AHEAD 24u
+   for, and where their rows go. */
+#define HYI_REFIT_AHEAD 40u
 HYI_INLINE void hyi_refit_ask(const hyi_refit *refit, uint32_t leaf) {
     uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
     const uint32_t *ids = refit->bvh->ids + first + HYI_REFIT_AHEAD;
     if (refit->bvh->slot_count - first < 2u * HYI_REFIT_AHEAD + HYI_LEAF_MAX) return;
+    for (uint32_t i = 0; i < count; i++) hyi_prefetch(hyi_leaf_lane(refit->bvh, first + HYI_REFIT_AHEAD + i, 0));
     for (uint32_t i = 0; i < count; i++) hyi_prefetch(refit->indices + 3u * (size_t)ids[HYI_REFIT_AHEAD + i]);
     for (uint32_t i = 0; i < count; i++) {
         const uint32_t *index = refit->indices + 3u * (size_t)ids[i];
@@ -214,16 +215,19 @@ typedef struct hyi_refit_frame {
     hyi_bounds boxes[HYI_WIDTH];
 } hyi_refit_frame;
 
-/* Leaves in the order of their slots, which is from the last on. */
+/* Leaves in the order of their slots, which is from the last on. Asks for what closing the node, and entering those below it,
+   comes to first. */
 HYI_FN void hyi_refit_enter(const hyi_refit *refit, uint32_t node, hyi_refit_frame *frame, hyi_refit_sum *sum) {
     frame->node = node;
     frame->open = 0;
+    for (uint32_t c = 0; c < 6; c += 2u) hyi_prefetch(refit->bvh->nodes[node].planes[c]);
     for (uint32_t c = HYI_WIDTH; c-- > 0;) {
         uint32_t child = hyi_node_child(refit->bvh, node, c);
         if (hyi_child_is_leaf(child)) {
             hyi_refit_ask(refit, child);
             frame->boxes[c] = hyi_refit_leaf(refit, child, sum);
         } else if (child != HYI_CHILD_NONE) {
+            hyi_prefetch(refit->bvh->nodes[child].child);
             frame->open |= 1u << c;
         }
     }
