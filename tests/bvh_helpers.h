@@ -42,8 +42,9 @@ typedef struct tb_scene {
 
 static inline void tb_build_mesh(tb_scene *s, ht_mesh mesh) {
     uint32_t m = s->mesh_count++;
+    float cost;
     s->mesh[m] = mesh;
-    assert_int_equal(hyi_bvh_build_triangles(&s->host.context, mesh.positions, mesh.indices, mesh.index_count / 3, HYDRA_BUILD_BEST, &s->bvh[m]), HYDRA_OK);
+    assert_int_equal(hyi_bvh_build_triangles(&s->host.context, mesh.positions, mesh.indices, mesh.index_count / 3, HYDRA_BUILD_BEST, &s->bvh[m], &cost), HYDRA_OK);
 }
 
 static inline void tb_begin(tb_scene *s) {

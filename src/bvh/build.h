@@ -11,7 +11,7 @@ HYI_FN void hyi_free_parents(hyi_build *build) {
 
 /* What only cutting needs. */
 HYI_FN void hyi_free_other(hyi_build *build) {
-    if (!build->in_units) hyi_free_array(build->context, &build->other, build->capacity);
+    if (!build->other_in_room) hyi_free_array(build->context, &build->other, build->capacity);
     build->other = NULL;
     hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
 }
@@ -23,7 +23,9 @@ HYI_FN void hyi_build_release(hyi_build *build) {
         hyi_free_array(build->context, &build->nodes, build->node_capacity);
         hyi_free_array(build->context, &build->costs, build->node_capacity / 2u);
     }
-    hyi_free_array(build->context, &build->refs, build->room);
+    hyi_free_array(build->context, &build->block, build->room);
+    hyi_free_array(build->context, &build->small, build->small_count);
+    hyi_free_array(build->context, &build->crowd, build->crowd_count);
     hyi_free_array(build->context, &build->pieces, build->piece_count);
     hyi_free_array(build->context, &build->chunks, build->chunk_count);
     hyi_free_array(build->context, &build->tasks, build->task_capacity);
@@ -69,14 +71,17 @@ HYI_FN void hyi_build_describe(hyi_build *build, hydra_context *context, const f
     build->bvh = bvh;
 }
 
-/* positions: x, y, z tightly packed and finite; indices: three a triangle, in range; quality: BEST or FAST. The tree
+/* positions: x, y, z tightly packed and finite; indices: three a triangle, in range; quality: BEST or FAST; cost: of the tree, as
+   of hyi_bvh_cost. The tree
    depends on these alone, and on whether a device will walk it, not on threads. Degenerate triangles are dropped and counted. With BEST a triangle may
    stand in several leaves. */
 HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
-                                            uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {
+                                            uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh, float *cost) {
     hyi_build build;
     hyi_build_describe(&build, context, positions, indices, triangle_count, quality, bvh);
-    return hyi_build_run(&build);
+    hydra_result result = hyi_build_run(&build);
+    *cost = build.cost;
+    return result;
 }
 
 /* A leaf is one box: it stands in its parent already. */

@@ -114,13 +114,13 @@ HYI_FN void hyi_merge_partners(hyi_clusters *c, uint32_t *merges) {
         uint32_t with = (uint32_t)((int32_t)i + c->partner[i]), height = c->heights[i], other = c->heights[with];
         uint32_t higher = other > height ? other : height;
         uint32_t mutual = (uint32_t)(c->partner[with] == -c->partner[i]) & (uint32_t)(higher < HYI_CLUSTER_HEIGHT);
-        uint32_t merge = mutual & (uint32_t)(with > i);
-        const hyi_ref *first = &c->refs[i], *second = &c->refs[merge ? with : i];
+        uint32_t merge = mutual & (uint32_t)(with > i), all = 0u - merge;
+        const hyi_ref *first = &c->refs[i], *second = &c->refs[i + ((with - i) & all)];
         hyi_bounds box = hyi_ref_box(first), more = hyi_ref_box(second);
         uint32_t id = hyi_ref_id(first);
         merges[c->merges] = hyi_ref_id(second) << 16 | id;
         hyi_bounds_add(&box, more.lower, more.upper);
-        hyi_unit_set(&c->refs[left], &box, merge ? HYI_CLUSTER_INNER | c->merges : id, merge ? higher + 1u : height);
+        hyi_unit_set(&c->refs[left], &box, id ^ ((id ^ (HYI_CLUSTER_INNER | c->merges)) & all), height + ((higher + 1u - height) & all));
         c->merges += merge;
         left += 1u - (mutual & (uint32_t)(with < i));
     }
@@ -157,18 +157,45 @@ HYI_INLINE uint32_t *hyi_piece_roots(const hyi_build *build, uint32_t piece) {
     return hyi_piece_merges(build, piece) + (left < HYI_PIECE ? left : HYI_PIECE);
 }
 
-HYI_FN void hyi_make_piece(void *argument, uint32_t index) {
-    hyi_build *build = (hyi_build *)argument;
+/* With places for most units; with fewer than it takes, nothing comes of it but their number. */
+HYI_FN void hyi_try_piece(hyi_build *build, uint32_t index, uint32_t most) {
     hyi_piece *piece = &build->pieces[index];
     uint32_t begin = index * HYI_PIECE, left = build->primitive_count - begin;
-    piece->units = hyi_make_units(build, begin, left < HYI_PIECE ? left : HYI_PIECE);
-    hyi_cluster_units(build->other + begin, piece, hyi_piece_merges(build, index), hyi_piece_roots(build, index));
+    piece->units = hyi_make_units(build, begin, left < HYI_PIECE ? left : HYI_PIECE, piece->unit, most);
+    if (piece->units <= most) hyi_cluster_units(piece->unit, piece, hyi_piece_merges(build, index), hyi_piece_roots(build, index));
+}
+
+HYI_FN void hyi_make_piece(void *argument, uint32_t index) {
+    hyi_build *build = (hyi_build *)argument;
+    build->pieces[index].unit = build->units + (size_t)index * HYI_PIECE_UNITS;
+    hyi_try_piece(build, index, HYI_PIECE_UNITS);
+}
+
+HYI_FN void hyi_make_crowded_piece(void *argument, uint32_t index) {
+    hyi_build *build = (hyi_build *)argument;
+    if (build->pieces[index].units > HYI_PIECE_UNITS) hyi_try_piece(build, index, HYI_PIECE);
+}
+
+/* Once more those whose units were too many for their places. */
+HYI_FN hydra_result hyi_make_crowded_pieces(hyi_build *build) {
+    size_t at = 0;
+    for (uint32_t p = 0; p < build->piece_count; p++) build->crowd_count += build->pieces[p].units > HYI_PIECE_UNITS ? HYI_PIECE : 0u;
+    if (build->crowd_count == 0) return HYDRA_OK;
+    HYI_TRY(hyi_alloc_array(build->context, &build->crowd, build->crowd_count));
+    for (uint32_t p = 0; p < build->piece_count; p++) {
+        if (build->pieces[p].units <= HYI_PIECE_UNITS) continue;
+        build->pieces[p].unit = build->crowd + at;
+        at += HYI_PIECE;
+    }
+    hyi_parallel(build->context, build->piece_count, hyi_make_crowded_piece, build);
+    return HYDRA_OK;
 }
 
 /* Gives each piece its places. */
-HYI_FN void hyi_make_pieces(hyi_build *build) {
+HYI_FN hydra_result hyi_make_pieces(hyi_build *build) {
     uint32_t merges = 0;
     hyi_parallel(build->context, build->piece_count, hyi_make_piece, build);
+    HYI_TRY(hyi_make_crowded_pieces(build));
     build->ref_count = 0;
     for (uint32_t p = 0; p < build->piece_count; p++) {
         hyi_piece *piece = &build->pieces[p];
@@ -179,16 +206,17 @@ HYI_FN void hyi_make_pieces(hyi_build *build) {
     }
     for (uint32_t p = 0; p < build->piece_count; p++) build->pieces[p].first_pair += build->ref_count - 1u;
     build->unit_count = build->ref_count + merges;
+    return HYDRA_OK;
 }
 
 /* References become units, and these clusters; references are then to clusters, without boxes yet. */
 HYI_FN hydra_result hyi_build_units(hyi_build *build) {
     uint32_t count = build->primitive_count = build->ref_count;
+    HYI_TRY(hyi_place_rows(build));
     hyi_sort_refs(build);
-    build->piece_count = (count + HYI_PIECE - 1u) / HYI_PIECE;
+    build->piece_count = hyi_pieces_of(count);
     HYI_TRY(hyi_alloc_array(build->context, &build->pieces, build->piece_count));
-    hyi_make_pieces(build);
-    return HYDRA_OK;
+    return hyi_make_pieces(build);
 }
 
 /* ---- their place in the binary tree */
@@ -252,7 +280,7 @@ HYI_INLINE hyi_bounds hyi_set_root(const hyi_build *build, const hyi_piece *piec
 HYI_FN void hyi_place_piece(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
     hyi_piece *piece = &build->pieces[index];
-    const hyi_ref *units = build->other + (size_t)index * HYI_PIECE;
+    const hyi_ref *units = piece->unit;
     const uint32_t *merges = hyi_piece_merges(build, index), *roots = hyi_piece_roots(build, index);
     hyi_bounds centroids = hyi_bounds_empty();
     for (uint32_t m = 0; m < piece->units - piece->clusters; m++) {

@@ -22,13 +22,13 @@ HYI_INLINE uint32_t hyi_wide_task_size(const hyi_build *build) {
 typedef struct hyi_family {
     uint32_t count, inner;
     uint32_t member[HYI_WIDTH];
-    float area[HYI_WIDTH];
 } hyi_family;
 
 /* A subtree that one thread writes: its root has its place, its own nodes and slots lie from first on. */
 typedef struct hyi_wide_task {
     uint32_t binary, place, level;
     uint32_t first_node, nodes, first_slot, slots, depth;
+    double areas; /* see hyi_relative_cost */
 } hyi_wide_task;
 
 /* A walk over the wide tree, which counts, and then writes. */
@@ -36,6 +36,7 @@ typedef struct hyi_wide_walk {
     hyi_build *build;
     bool writes, collects; /* collects: leaves subtrees to tasks */
     uint32_t next_node, next_slot, next_task, depth;
+    double areas; /* of nodes written */
 } hyi_wide_walk;
 
 HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t at) {
@@ -43,40 +44,69 @@ HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t at) {
     return hyi_build_is_leaf(node) || hyi_cost_at(build, node)->leaf;
 }
 
-/* Keeps the order: largest surface first, then who came first. */
-HYI_FN void hyi_family_add(hyi_family *family, const hyi_build *build, uint32_t node) {
-    float area = hyi_node_area(&build->nodes[node]);
-    uint32_t at = family->count++, leaf = hyi_becomes_leaf(build, node) ? HYI_MEMBER_LEAF : 0u;
-    for (; at > 0 && family->area[at - 1u] < area; at--) {
-        family->area[at] = family->area[at - 1u];
-        family->member[at] = family->member[at - 1u];
+/* A subtree, and in how many places of a node it goes. */
+typedef struct hyi_share {
+    uint32_t node, places;
+} hyi_share;
+
+/* The members of a node's family from left to right; returns how many. */
+HYI_FN uint32_t hyi_share_out(const hyi_build *build, uint32_t node, uint32_t member[HYI_WIDTH]) {
+    hyi_share list[HYI_WIDTH];
+    uint32_t waiting = 2, count = 0, left = hyi_cost_at(build, &build->nodes[node])->left[HYI_WIDTH - 2u];
+    list[0].node = build->nodes[node].first + 1u;
+    list[0].places = HYI_WIDTH - left;
+    list[1].node = list[0].node - 1u;
+    list[1].places = left;
+    while (waiting > 0) {
+        hyi_share share = list[--waiting];
+        const hyi_build_node *from = &build->nodes[share.node];
+        if (hyi_build_is_leaf(from)) {
+            member[count++] = share.node | HYI_MEMBER_LEAF;
+            continue;
+        }
+        const hyi_cost *cost = hyi_cost_at(build, from);
+        while (share.places > 1u && cost->left[share.places - 2u] == 0) share.places--;
+        if (share.places == 1u) {
+            member[count++] = share.node | (cost->leaf ? HYI_MEMBER_LEAF : 0u);
+            continue;
+        }
+        left = cost->left[share.places - 2u];
+        list[waiting].node = from->first + 1u;
+        list[waiting++].places = share.places - left;
+        list[waiting].node = from->first;
+        list[waiting++].places = left;
     }
-    family->area[at] = area;
-    family->member[at] = node | leaf;
-    family->inner += leaf ? 0u : 1u;
+    return count;
 }
 
-/* Puts a subtree into up to places children. */
-HYI_FN void hyi_family_share(hyi_family *family, const hyi_build *build, uint32_t node, uint32_t places) {
-    const hyi_build_node *from = &build->nodes[node];
-    if (hyi_build_is_leaf(from)) places = 1;
-    while (places > 1u && hyi_cost_at(build, from)->left[places - 2u] == 0) places--;
-    if (places == 1u) {
-        hyi_family_add(family, build, node);
-        return;
+/* Largest surface first, then who came first. No branch on the surfaces, which nobody can guess. */
+HYI_FN void hyi_order_family(hyi_family *family, const hyi_build *build, const uint32_t *member, uint32_t count) {
+    float area[HYI_WIDTH];
+    uint32_t place[HYI_WIDTH];
+    for (uint32_t i = 0; i < HYI_WIDTH; i++) {
+        area[i] = i < count ? hyi_node_area(&build->nodes[member[i] & ~HYI_MEMBER_LEAF]) : -1.0f;
+        place[i] = 0;
     }
-    uint32_t left = hyi_cost_at(build, from)->left[places - 2u];
-    hyi_family_share(family, build, from->first, left);
-    hyi_family_share(family, build, from->first + 1u, places - left);
+    for (uint32_t i = 1; i < HYI_WIDTH; i++) {
+        for (uint32_t j = 0; j < i; j++) {
+            uint32_t before = area[j] < area[i] ? 1u : 0u;
+            place[j] += before;
+            place[i] += 1u - before;
+        }
+    }
+    family->count = count;
+    family->inner = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        family->member[place[i]] = member[i];
+        family->inner += 1u - member[i] / HYI_MEMBER_LEAF;
+    }
 }
 
 /* Finds the children of a wide node, and keeps them where its costs were, which nobody asks for any more. */
 HYI_FN void hyi_gather_family(hyi_build *build, uint32_t node, hyi_family *family) {
     hyi_cost *cost = hyi_cost_at(build, &build->nodes[node]);
-    uint32_t left = cost->left[HYI_WIDTH - 2u];
-    family->count = family->inner = 0;
-    hyi_family_share(family, build, build->nodes[node].first, left);
-    hyi_family_share(family, build, build->nodes[node].first + 1u, HYI_WIDTH - left);
+    uint32_t member[HYI_WIDTH];
+    hyi_order_family(family, build, member, hyi_share_out(build, node, member));
     memcpy(cost->as.members, family->member, sizeof family->member);
     cost->tips = (uint8_t)family->count;
 }
@@ -113,41 +143,48 @@ HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t 
     return count;
 }
 
-/* The nine floats of a triangle, each in its row. */
-HYI_INLINE void hyi_write_lane(const hyi_build *build, uint32_t id, float *row, uint32_t count) {
-    const uint32_t *index = build->indices + 3u * (size_t)id;
-    for (uint32_t corner = 0; corner < 3; corner++) {
-        hyi_four p = hyi_four_load3(build->positions + 3u * (size_t)index[corner]);
-        hyi_four_scatter(hyi_four_mul(p, hyi_four_all(build->scale)), row + 3u * corner * count, count);
-    }
-}
-
-/* Triangles lie anywhere: those of a node's leaves are asked for together, unless the cache has so few of them. */
-#define HYI_SOURCE_LARGE 65536u
-HYI_INLINE void hyi_ask_for_triangles(const hyi_build *build, const uint32_t *ids, uint32_t count) {
-    if (build->source_count < HYI_SOURCE_LARGE) return;
-    for (uint32_t i = 0; i < count; i++) hyi_prefetch(build->indices + 3u * (size_t)ids[i]);
-    for (uint32_t i = 0; i < count; i++) {
-        const uint32_t *index = build->indices + 3u * (size_t)ids[i];
-        for (uint32_t corner = 0; corner < 3; corner++) hyi_prefetch(build->positions + 3u * (size_t)index[corner]);
-    }
-}
-
-/* The rows of a leaf whose ids are there. */
+/* The rows of a leaf whose ids are there; of more than four triangles, those at the end with some once more. */
 HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t leaf) {
-    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
-    float *row = build->bvh->rows + 9u * (size_t)first;
-    for (uint32_t i = 0; i < count; i++) hyi_write_lane(build, build->bvh->ids[first + i], row + i, count);
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf), more = count > 4u ? count - 4u : 0u, most = more ? 4u : count;
+    const uint32_t *ids = build->bvh->ids + first;
+    float *rows = hyi_leaf_lane(build->bvh, first, 0);
+    hyi_four scale = hyi_four_all(build->scale);
+    hyi_four_triangles lanes;
+    hyi_load_triangles(build->positions, build->indices, ids, most, &lanes);
+    hyi_turn_triangles(&lanes);
+    hyi_store_triangles(&lanes, most, scale, rows, count);
+    if (more == 0) return;
+    hyi_load_triangles(build->positions, build->indices, ids + more, 4, &lanes);
+    hyi_turn_triangles(&lanes);
+    hyi_store_triangles(&lanes, 4, scale, rows + more, count);
 }
 
-/* All leaves of a node, whose triangles are count from first on. */
-HYI_FN void hyi_write_leaves(const hyi_build *build, const hyi_node *node, uint32_t first, uint32_t count, const uint32_t *ids) {
-    memcpy(build->bvh->ids + first, ids, count * sizeof *ids);
-    if (!build->positions) return;
-    hyi_ask_for_triangles(build, ids, count);
-    for (uint32_t c = 0; c < HYI_WIDTH && node->child[c] != HYI_CHILD_NONE; c++) {
-        if (hyi_child_is_leaf(node->child[c])) hyi_write_leaf(build, node->child[c]);
+/* All leaves of a node, in the order of their slots, which is from the last on. end: as for hyi_ask_for_slots. */
+#define HYI_SOURCE_LARGE 65536u /* the cache has fewer triangles than that: they need not be asked for */
+HYI_FN void hyi_write_leaves(const hyi_build *build, const hyi_node *node, uint32_t end) {
+    for (uint32_t c = HYI_WIDTH; c-- > 0;) {
+        uint32_t child = node->child[c];
+        if (!hyi_child_is_leaf(child)) continue;
+        if (build->source_count >= HYI_SOURCE_LARGE)
+            hyi_ask_for_slots(build->bvh, build->positions, build->indices, hyi_leaf_first(child), hyi_leaf_count(child), end);
+        hyi_write_leaf(build, child);
     }
+}
+
+/* Rows of a subtree whose nodes and ids are there, slot by slot; returns what its nodes add to the cost. */
+HYI_FN double hyi_write_rows(const hyi_build *build, uint32_t root, uint32_t end) {
+    uint32_t list[HYI_TREE_DEPTH * HYI_WIDTH], waiting = 1;
+    double areas = 0.0;
+    list[0] = root;
+    while (waiting > 0) {
+        const hyi_node *node = &build->bvh->nodes[list[--waiting]];
+        areas += hyi_node_areas(node);
+        if (build->positions) hyi_write_leaves(build, node, end);
+        for (uint32_t c = HYI_WIDTH; c-- > 0;) {
+            if (!hyi_child_is_leaf(node->child[c]) && node->child[c] != HYI_CHILD_NONE) list[waiting++] = node->child[c];
+        }
+    }
+    return areas;
 }
 
 /* ---- nodes */
@@ -223,13 +260,19 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
                 child = hyi_place_leaf(walk, member, ids + (walk->next_slot - first_slot));
             } else {
                 child = --at;
+                hyi_prefetch(hyi_cost_at(build, &build->nodes[member]));
+                hyi_prefetch(&build->nodes[build->nodes[member].first]);
                 binary[waiting] = member;
                 place[waiting] = at;
                 level[waiting++] = depth + 1u;
             }
             if (node) node->child[c] = child;
         }
-        if (node) hyi_write_leaves(build, node, first_slot, walk->next_slot - first_slot, ids);
+        if (!node) continue;
+        memcpy(build->bvh->ids + first_slot, ids, (walk->next_slot - first_slot) * sizeof *ids);
+        if (!walk->collects) continue;
+        if (build->positions) hyi_write_leaves(build, node, walk->next_slot);
+        walk->areas += hyi_node_areas(node);
     }
     return HYDRA_OK;
 }
@@ -239,7 +282,7 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
 HYI_FN void hyi_count_wide_task(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
     hyi_wide_task *task = &build->wide_tasks[index];
-    hyi_wide_walk walk = {build, false, false, 0, 0, 0, 0};
+    hyi_wide_walk walk = {build, false, false, 0, 0, 0, 0, 0.0};
     (void)hyi_walk_wide(&walk, task->binary, task->place, task->level);
     task->nodes = walk.next_node;
     task->slots = walk.next_slot;
@@ -248,16 +291,17 @@ HYI_FN void hyi_count_wide_task(void *argument, uint32_t index) {
 
 HYI_FN void hyi_write_wide_task(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
-    const hyi_wide_task *task = &build->wide_tasks[index];
-    hyi_wide_walk walk = {build, true, false, 0, 0, 0, 0};
+    hyi_wide_task *task = &build->wide_tasks[index];
+    hyi_wide_walk walk = {build, true, false, 0, 0, 0, 0, 0.0};
     walk.next_node = task->first_node;
     walk.next_slot = task->first_slot;
     (void)hyi_walk_wide(&walk, task->binary, task->place, task->level);
+    task->areas = hyi_write_rows(build, task->place, walk.next_slot);
 }
 
 /* Counts nodes and slots, and gives each task its own. */
 HYI_FN hydra_result hyi_count_wide(hyi_build *build, uint32_t root) {
-    hyi_wide_walk walk = {build, false, true, 1, 0, 0, 0};
+    hyi_wide_walk walk = {build, false, true, 1, 0, 0, 0, 0.0};
     HYI_TRY(hyi_walk_wide(&walk, root, 0, 0));
     build->wide_task_count = walk.next_task;
     hyi_parallel(build->context, build->wide_task_count, hyi_count_wide_task, build);
@@ -283,13 +327,13 @@ HYI_FN hydra_result hyi_allocate_wide(hyi_build *build) {
     bvh->bytes = (size_t)bvh->node_count * sizeof(hyi_node) + (size_t)bvh->slot_count * sizeof(uint32_t);
     if (!build->positions) return HYDRA_OK;
     size_t floats = hyi_bvh_row_floats(bvh->slot_count);
-    HYI_TRY(hyi_alloc_array(build->context, &bvh->rows, floats));
+    if (!bvh->rows) HYI_TRY(hyi_alloc_array(build->context, &bvh->rows, floats)); /* a quick build has them */
     memset(bvh->rows + 9u * (size_t)bvh->slot_count, 0, HYI_ROWS_PADDING * sizeof(float));
     bvh->bytes += floats * sizeof(float);
     return HYDRA_OK;
 }
 
-/* Allocates and writes what stays. */
+/* Allocates and writes what stays, and says what it costs. */
 HYI_FN hydra_result hyi_collapse(hyi_build *build) {
     hyi_bvh *bvh = build->bvh;
     uint32_t root = build->node_capacity - 1u, ids[2u * HYI_LEAF_MAX];
@@ -302,14 +346,17 @@ HYI_FN hydra_result hyi_collapse(hyi_build *build) {
         bvh->root = hyi_make_leaf(0, bvh->slot_count);
         memcpy(bvh->ids, ids, bvh->slot_count * sizeof *ids);
         if (build->positions) hyi_write_leaf(build, bvh->root);
+        build->cost = hyi_relative_cost(bvh, 0.0, 0.0);
         return HYDRA_OK;
     }
     HYI_TRY(hyi_count_wide(build, root));
     HYI_TRY(hyi_allocate_wide(build));
     bvh->root = 0;
-    hyi_wide_walk walk = {build, true, true, 1, 0, 0, 0};
+    hyi_wide_walk walk = {build, true, true, 1, 0, 0, 0, 0.0};
     HYI_TRY(hyi_walk_wide(&walk, root, 0, 0));
     hyi_parallel(build->context, build->wide_task_count, hyi_write_wide_task, build);
+    for (uint32_t t = 0; t < build->wide_task_count; t++) walk.areas += build->wide_tasks[t].areas;
+    build->cost = hyi_relative_cost(bvh, walk.areas, hyi_box_area(&bvh->scaled));
     return HYDRA_OK;
 }
 

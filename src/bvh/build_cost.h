@@ -148,4 +148,34 @@ HYI_FN void hyi_cost_above(const hyi_build *build, uint32_t at) {
     hyi_cost_of(build, at);
 }
 
+/* ---- of the tree that was made */
+
+/* What visiting a child adds to the cost of a tree, by the share of rays that come there. */
+HYI_INLINE float hyi_child_cost(uint32_t child) {
+    return hyi_child_is_leaf(child) ? HYI_COST_LEAF + HYI_COST_TRIANGLE * (float)hyi_leaf_count(child) : HYI_COST_NODE;
+}
+
+/* areas: the sum of hyi_child_cost times area over all children. The unit is the visit of a node. */
+HYI_INLINE float hyi_relative_cost(const hyi_bvh *bvh, double areas, double area) {
+    return (float)(((double)hyi_child_cost(bvh->root) + (area > 0.0 ? areas / area : 0.0)) / (double)HYI_COST_NODE);
+}
+
+/* What the children of a node add to that sum. Who is not there has an area of 0. */
+HYI_INLINE double hyi_node_areas(const hyi_node *node) {
+    hyi_four sum = hyi_four_all(0.0f);
+    float lanes[4];
+    for (uint32_t c = 0; c < HYI_WIDTH; c += 4u) {
+        hyi_four size[3];
+        float cost[4];
+        for (uint32_t a = 0; a < 3; a++) {
+            hyi_four extent = hyi_four_sub(hyi_four_load(&node->planes[2u * a + 1u][c]), hyi_four_load(&node->planes[2u * a][c]));
+            size[a] = hyi_four_max(extent, hyi_four_all(0.0f));
+        }
+        for (uint32_t k = 0; k < 4; k++) cost[k] = hyi_child_cost(node->child[c + k]);
+        sum = hyi_four_add(sum, hyi_four_mul(hyi_four_surface(size[0], size[1], size[2]), hyi_four_load(cost)));
+    }
+    hyi_four_store(lanes, sum);
+    return (double)lanes[0] + (double)lanes[1] + (double)lanes[2] + (double)lanes[3];
+}
+
 #endif /* HYI_BVH_BUILD_COST_H */

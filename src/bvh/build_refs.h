@@ -40,9 +40,11 @@ typedef struct hyi_chunk_sum {
 /* A piece of the curve of a quick build: so many triangles become units, and these clusters. */
 typedef struct hyi_piece {
     hyi_bounds centroids; /* of the clusters */
+    hyi_ref *unit;
     uint32_t units, clusters, first_pair, first_ref;
 } hyi_piece;
 #define HYI_PIECE 1024u
+#define HYI_PIECE_UNITS 576u /* places for the units of a piece: more than most have; those with more get others */
 
 typedef struct hyi_build {
     hydra_context *context;
@@ -59,9 +61,15 @@ typedef struct hyi_build {
     uint64_t *keys;           /* in units: codes and references; then what clusters are made of */
     hyi_piece *pieces;
     uint32_t piece_count, unit_count;
-    size_t room;              /* places in the block that begins with refs, and in quick builds goes on with other arrays */
-    void *spare;              /* the end of that */
+    hyi_ref *units;           /* in units: HYI_PIECE_UNITS places for each piece */
+    hyi_ref *crowd;           /* for pieces with more */
+    size_t crowd_count;
+    hyi_ref *small;           /* for units and keys of few triangles */
+    size_t small_count;
+    hyi_ref *block;           /* refs, and in quick builds order before them and room behind */
+    size_t room;              /* its places */
     bool nodes_in_room;       /* nodes, costs and parents lie there as well */
+    bool other_in_room;
     bool best;                /* spatial splits, and reinsertion */
     float scale;
     hyi_ref *refs, *other;    /* other: where ranges are partitioned to */
@@ -79,6 +87,7 @@ typedef struct hyi_build {
     uint32_t wide_task_count, wide_task_capacity;
     hyi_bounds root_box, root_centroids;
     float root_area;
+    float cost;               /* of the tree that was made: see hyi_bvh_cost */
     hyi_bvh *bvh;
 } hyi_build;
 
@@ -164,6 +173,53 @@ HYI_INLINE bool hyi_source_box(const hyi_build *build, uint32_t i, hyi_bounds *b
     return !hyi_four_is_flat(p, q, r, a, b, c);
 }
 
+/* ---- triangles of leaves, four side by side */
+
+/* By corner: of four triangles in turn, and after hyi_turn_triangles rows of x, y and z; and the last corners as they were. */
+typedef struct hyi_four_triangles {
+    hyi_four corner[3][4], third[4];
+} hyi_four_triangles;
+
+/* Of fewer than four the last stands for those that are not there. */
+HYI_INLINE void hyi_load_triangles(const float *positions, const uint32_t *indices, const uint32_t *ids, uint32_t count, hyi_four_triangles *lanes) {
+    for (uint32_t lane = 0; lane < 4; lane++) {
+        const uint32_t *index = indices + 3u * (size_t)ids[lane < count ? lane : count - 1u];
+        for (uint32_t c = 0; c < 3; c++) lanes->corner[c][lane] = hyi_four_load3(positions + 3u * (size_t)index[c]);
+        lanes->third[lane] = lanes->corner[2][lane];
+    }
+}
+
+HYI_INLINE void hyi_turn_triangles(hyi_four_triangles *lanes) {
+    for (uint32_t c = 0; c < 3; c++) hyi_four_transpose(lanes->corner[c]);
+}
+
+/* rows: of the first lane; stride: triangles of the leaf, which are four or more, or all there. Then rows reach into the next
+   ones, which come later, but for the last three. */
+HYI_INLINE void hyi_store_triangles(const hyi_four_triangles *lanes, uint32_t count, hyi_four scale, float *rows, uint32_t stride) {
+    for (uint32_t r = 0; r < 6; r++) hyi_four_store(rows + r * stride, hyi_four_mul(lanes->corner[r / 3u][r % 3u], scale));
+    if (count == 4u) {
+        for (uint32_t r = 0; r < 3; r++) hyi_four_store(rows + (6u + r) * stride, hyi_four_mul(lanes->corner[2][r], scale));
+    } else {
+        for (uint32_t k = 0; k < count; k++) hyi_four_scatter(hyi_four_mul(lanes->third[k], scale), rows + 6u * stride + k, stride);
+    }
+}
+
+/* Triangles lie anywhere: those in slots behind a leaf's, which are written after it, are asked for, and where their rows go.
+   end: slots from there on are another's, or not there. */
+#define HYI_ASK_AHEAD 40u
+HYI_INLINE void hyi_ask_for_slots(const hyi_bvh *bvh, const float *positions, const uint32_t *indices, uint32_t first, uint32_t count, uint32_t end) {
+    const uint32_t last = end - 1u;
+    for (uint32_t s = first + HYI_ASK_AHEAD; s < first + HYI_ASK_AHEAD + count; s++) {
+        const uint32_t soon = s < last ? s : last, later = s + HYI_ASK_AHEAD < last ? s + HYI_ASK_AHEAD : last;
+        const uint32_t *index = indices + 3u * (size_t)bvh->ids[soon];
+        hyi_prefetch(hyi_leaf_lane(bvh, soon, 0));
+        hyi_prefetch(indices + 3u * (size_t)bvh->ids[later]);
+        for (uint32_t c = 0; c < 3; c++) hyi_prefetch(positions + 3u * (size_t)index[c]);
+    }
+}
+
+/* ---- references */
+
 HYI_INLINE uint32_t hyi_chunks_of(uint32_t count) { return count / HYI_BUILD_CHUNK + (count % HYI_BUILD_CHUNK != 0u); }
 
 HYI_INLINE uint32_t hyi_chunk_end(uint32_t chunk, uint32_t count) {
@@ -244,29 +300,47 @@ HYI_FN hyi_sort_shape hyi_shape_of_sort(const hyi_build *build) {
     return shape;
 }
 
-/* A quick build works in one block. The C library gives large ones back to the system unless they come again and again, and
-   fresh pages take up to a sixth of the time of the build. References have an eighth more places than there are triangles,
-   for nodes to take later. Behind keys and their second array, where they are sorted, are the counts of the sort; of all three
-   only the keys stay, and the rest is spare. */
-#define HYI_SPARE_BYTES 27u /* for each triangle: costs and parents where there are nine units for sixteen triangles at most */
+/* The C library gives large blocks back to the system unless they come again and again, and fresh pages take up to a third of
+   the time of a quick build. So it works in what is done with: nodes take the place of the references, and costs and parents
+   come behind them, in pages that stay untouched where there are few units; and before there are rows, the tree's own memory
+   for these has first the keys, with the second array that they are sorted into and the counts of the sort, and then keys and
+   units. Few triangles have too few rows for that. */
+#define HYI_NODE_BYTES 66u /* for each triangle: nodes, costs and parents where there are nine units for sixteen triangles */
 
-HYI_INLINE size_t hyi_quick_refs(uint32_t count) { return (size_t)count + count / 8u + 2u; }
+/* In places for references; even ones are those of cache lines. */
+HYI_INLINE size_t hyi_room_for(size_t bytes) { return (bytes + 2u * sizeof(hyi_ref) - 1u) / (2u * sizeof(hyi_ref)) * 2u; }
+
+HYI_INLINE uint32_t hyi_pieces_of(uint32_t count) { return count / HYI_PIECE + (count % HYI_PIECE != 0u); }
 
 HYI_INLINE size_t hyi_order_places(uint32_t count) { return ((size_t)count + 2u * HYI_LEAF_MAX - 1u) / HYI_LEAF_MAX * HYI_LEAF_MAX; }
 
-HYI_FN size_t hyi_quick_room(const hyi_build *build) {
-    hyi_sort_shape shape = hyi_shape_of_sort(build);
-    size_t count = build->source_count, keys = count * sizeof *build->keys, counts = (size_t)shape.pieces * shape.digits * sizeof(uint32_t);
-    size_t sorting = keys + counts, later = count * HYI_SPARE_BYTES + 64u;
-    size_t bytes = hyi_order_places(build->source_count) * sizeof *build->order + keys + (sorting > later ? sorting : later);
-    return hyi_quick_refs(build->source_count) + count + bytes / sizeof(hyi_ref) + 1u;
+/* Order, and behind it references. */
+HYI_FN hydra_result hyi_place_quick_refs(hyi_build *build) {
+    size_t order = hyi_room_for(hyi_order_places(build->source_count) * sizeof *build->order);
+    build->room = order + hyi_room_for((size_t)build->source_count * HYI_NODE_BYTES);
+    HYI_TRY(hyi_alloc_array(build->context, &build->block, build->room));
+    build->order = (uint32_t *)(void *)build->block;
+    build->refs = build->block + order;
+    return HYDRA_OK;
 }
 
-HYI_FN void hyi_share_room(hyi_build *build) {
-    build->other = build->refs + hyi_quick_refs(build->source_count);
-    build->order = (uint32_t *)(void *)(build->other + build->capacity);
-    build->keys = (uint64_t *)(void *)(build->order + hyi_order_places(build->source_count));
-    build->spare = build->keys + build->source_count;
+/* Rows for as many slots as there are triangles, and in them units and keys. */
+HYI_FN hydra_result hyi_place_rows(hyi_build *build) {
+    hyi_sort_shape shape = hyi_shape_of_sort(build);
+    size_t floats = hyi_bvh_row_floats(build->ref_count), keys = build->ref_count * sizeof *build->keys;
+    size_t sorting = keys + (size_t)shape.pieces * shape.digits * sizeof(uint32_t);
+    size_t units = (size_t)hyi_pieces_of(build->ref_count) * HYI_PIECE_UNITS * sizeof(hyi_ref);
+    size_t first = hyi_room_for(units > sorting ? units : sorting), all = first + hyi_room_for(keys);
+    build->bvh->slot_count = build->ref_count;
+    HYI_TRY(hyi_alloc_array(build->context, &build->bvh->rows, floats));
+    build->units = (hyi_ref *)(void *)build->bvh->rows;
+    if (all * sizeof(hyi_ref) > floats * sizeof(float)) {
+        HYI_TRY(hyi_alloc_array(build->context, &build->small, all));
+        build->small_count = all;
+        build->units = build->small;
+    }
+    build->keys = (uint64_t *)(void *)(build->units + first);
+    return HYDRA_OK;
 }
 
 /* Allocates and fills the references, sets the bounds and the scale, and counts what is kept. Unscaled and without
@@ -278,9 +352,13 @@ HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
     build->capacity = build->source_count + (extra < room ? extra : room);
     build->scale = 1.0f;
     HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
-    build->room = build->in_units ? hyi_quick_room(build) : build->capacity;
-    HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->room));
-    if (build->in_units) hyi_share_room(build);
+    if (build->in_units) {
+        HYI_TRY(hyi_place_quick_refs(build));
+    } else {
+        build->room = build->capacity;
+        HYI_TRY(hyi_alloc_array(build->context, &build->block, build->room));
+        build->refs = build->block;
+    }
     hyi_spread_chunks(build);
     hyi_parallel(build->context, build->chunk_count, hyi_fill_chunk, build);
     hyi_sum_chunks(build);

@@ -135,9 +135,10 @@ HYI_FN void hyi_sort_refs(hyi_build *build) {
     hyi_sort sort;
     sort.build = build;
     sort.shape = hyi_shape_of_sort(build);
-    sort.keys = sort.shape.passes % 2u ? build->keys + build->source_count : build->keys;
-    sort.other = sort.shape.passes % 2u ? build->keys : build->keys + build->source_count;
-    sort.counts = (uint32_t *)(void *)(build->keys + 2u * (size_t)build->source_count);
+    uint64_t *second = (uint64_t *)(void *)build->units;
+    sort.keys = sort.shape.passes % 2u ? second : build->keys;
+    sort.other = sort.shape.passes % 2u ? build->keys : second;
+    sort.counts = (uint32_t *)(void *)(second + build->ref_count);
     sort.shift = 32u;
     hyi_make_curve(&build->root_centroids, &sort.curve);
     hyi_parallel(build->context, sort.shape.pieces, hyi_make_keys, &sort);

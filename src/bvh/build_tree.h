@@ -354,15 +354,15 @@ HYI_FN hydra_result hyi_cut_tasks(hyi_build *build) {
     }
 }
 
-/* Whether quick builds have places left for nodes: those of the references that units were made of, behind the ones to
-   clusters, each pair in one cache line. Then there are nine units for sixteen triangles at most, and what is kept by pairs
-   fits into the spare bytes. */
-HYI_STATIC_ASSERT(9u * (sizeof(hyi_cost) + sizeof(uint32_t)) <= 16u * HYI_SPARE_BYTES);
+/* Whether quick builds have room left for nodes: that of the references that units were made of, behind the ones to clusters,
+   each pair in one cache line; and for what is kept by pairs, behind the nodes. */
+HYI_STATIC_ASSERT(9u * (2u * sizeof(hyi_build_node) + sizeof(hyi_cost) + sizeof(uint32_t)) <= 16u * HYI_NODE_BYTES);
 HYI_FN bool hyi_nodes_in_room(hyi_build *build, uint32_t pairs) {
-    size_t first = ((size_t)build->ref_count + 1u) / 2u * 2u;
-    if (first + build->node_capacity > hyi_quick_refs(build->source_count)) return false;
-    build->nodes = (hyi_build_node *)(void *)(build->refs + first);
-    build->costs = (hyi_cost *)build->spare;
+    size_t clusters = ((size_t)build->ref_count + 1u) / 2u * 2u, room = build->room - (size_t)(build->refs - build->block);
+    size_t bytes = (clusters + 2u * ((size_t)pairs + 1u)) * sizeof(hyi_ref) + pairs * sizeof *build->costs + ((size_t)pairs + 1u) * sizeof *build->parents;
+    if (bytes > room * sizeof(hyi_ref)) return false;
+    build->nodes = (hyi_build_node *)(void *)(build->refs + clusters);
+    build->costs = (hyi_cost *)(void *)(build->nodes + 2u * ((size_t)pairs + 1u));
     build->parents = (uint32_t *)(void *)(build->costs + pairs);
     return true;
 }
@@ -381,10 +381,17 @@ HYI_FN hydra_result hyi_place_nodes(hyi_build *build) {
     return HYDRA_OK;
 }
 
+/* Room to partition in: in quick builds that of the units, which have become nodes by then. */
+HYI_FN hydra_result hyi_place_other(hyi_build *build) {
+    build->other_in_room = build->in_units && build->ref_count <= build->piece_count * HYI_PIECE_UNITS;
+    build->other = build->units;
+    return build->other_in_room ? HYDRA_OK : hyi_alloc_array(build->context, &build->other, build->capacity);
+}
+
 /* The binary tree over all references; its root is the last node. */
 HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
     HYI_TRY(hyi_place_nodes(build));
-    if (!build->other) HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
+    HYI_TRY(hyi_place_other(build));
     if (build->ref_count > HYI_BUILD_LARGE) {
         build->chunk_split_count = hyi_chunks_of(build->capacity);
         HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_split_count));

@@ -120,11 +120,12 @@ HYI_FN void hyi_begin_units(const hyi_build *build, uint32_t begin, hyi_units *u
     }
 }
 
-/* Triangles of a part of the order become units, in the same places of other; returns how many. */
-HYI_NOINLINE uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count) {
+/* Triangles of a part of the order become units; returns how many. Of more than most nothing is kept. */
+HYI_NOINLINE uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count, hyi_ref *to, uint32_t most) {
+    hyi_ref refs[HYI_PIECE];
     hyi_units u;
     uint32_t before;
-    u.refs = build->other + begin;
+    u.refs = refs;
     u.count = count;
     hyi_begin_units(build, begin, &u);
     do {
@@ -134,10 +135,10 @@ HYI_NOINLINE uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t 
         hyi_choose_merges(&u);
         hyi_merge_units(&u);
     } while (u.count < before - before / HYI_MERGE_FEW);
-    for (uint32_t i = 0; i < u.count; i++) {
-        hyi_bounds box = hyi_ref_box(&u.refs[i]);
-        uint32_t first = (uint32_t)u.refs[i].lower[3], end = (uint32_t)u.refs[i].upper[3];
-        hyi_unit_set(&u.refs[i], &box, begin + first, end - first);
+    for (uint32_t i = 0; i < u.count && u.count <= most; i++) {
+        hyi_bounds box = hyi_ref_box(&refs[i]);
+        uint32_t first = (uint32_t)refs[i].lower[3], end = (uint32_t)refs[i].upper[3];
+        hyi_unit_set(&to[i], &box, begin + first, end - first);
     }
     return u.count;
 }

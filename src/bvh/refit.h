@@ -25,34 +25,6 @@ HYI_INLINE hyi_box hyi_box_of(const hyi_bounds *bounds) {
 
 /* ---- expected cost */
 
-/* What visiting a child adds to the cost of a tree, by the share of rays that come there. */
-HYI_INLINE float hyi_child_cost(uint32_t child) {
-    return hyi_child_is_leaf(child) ? HYI_COST_LEAF + HYI_COST_TRIANGLE * (float)hyi_leaf_count(child) : HYI_COST_NODE;
-}
-
-/* areas: the sum of hyi_child_cost times area over all children. The unit is the visit of a node. */
-HYI_INLINE float hyi_relative_cost(const hyi_bvh *bvh, double areas, double area) {
-    return (float)(((double)hyi_child_cost(bvh->root) + (area > 0.0 ? areas / area : 0.0)) / (double)HYI_COST_NODE);
-}
-
-/* What the children of a node add to that sum. Who is not there has an area of 0. */
-HYI_INLINE double hyi_node_areas(const hyi_node *node) {
-    hyi_four sum = hyi_four_all(0.0f);
-    float lanes[4];
-    for (uint32_t c = 0; c < HYI_WIDTH; c += 4u) {
-        hyi_four size[3];
-        float cost[4];
-        for (uint32_t a = 0; a < 3; a++) {
-            hyi_four extent = hyi_four_sub(hyi_four_load(&node->planes[2u * a + 1u][c]), hyi_four_load(&node->planes[2u * a][c]));
-            size[a] = hyi_four_max(extent, hyi_four_all(0.0f));
-        }
-        for (uint32_t k = 0; k < 4; k++) cost[k] = hyi_child_cost(node->child[c + k]);
-        sum = hyi_four_add(sum, hyi_four_mul(hyi_four_surface(size[0], size[1], size[2]), hyi_four_load(cost)));
-    }
-    hyi_four_store(lanes, sum);
-    return (double)lanes[0] + (double)lanes[1] + (double)lanes[2] + (double)lanes[3];
-}
-
 /* Expected cost of a ray that meets the tree's bounds and nothing in them (MacDonald and Booth 1990). */
 HYI_FN float hyi_bvh_cost(const hyi_bvh *bvh) {
     double areas = 0.0;
@@ -121,29 +93,19 @@ HYI_INLINE bool hyi_refit_lane(const hyi_refit *refit, const uint32_t *index, fl
     return !flat;
 }
 
-/* Up to four triangles side by side: their rows, and their box. false: one of them may have no area, and nothing is done. rows:
-   of the first of them; of fewer than four, they are all that the leaf has. */
+/* Up to four triangles side by side: their rows, and their box. false: one of them may have no area, and nothing is done. */
 HYI_INLINE bool hyi_refit_lanes(const hyi_refit *refit, const uint32_t *ids, uint32_t count, float *rows, uint32_t stride, hyi_bounds *box) {
-    const hyi_four scale = hyi_four_all(refit->scale);
-    hyi_four corners[3][4], last[4];
+    hyi_four_triangles lanes;
     hyi_bounds all = *box;
-    for (uint32_t lane = 0; lane < 4; lane++) {
-        const uint32_t *index = refit->indices + 3u * (size_t)ids[lane < count ? lane : count - 1u];
-        for (uint32_t c = 0; c < 3; c++) corners[c][lane] = hyi_four_load3(refit->positions + 3u * (size_t)index[c]);
-        hyi_bounds_add(&all, hyi_four_min(corners[0][lane], hyi_four_min(corners[1][lane], corners[2][lane])),
-                       hyi_four_max(corners[0][lane], hyi_four_max(corners[1][lane], corners[2][lane])));
-        last[lane] = corners[2][lane];
+    hyi_load_triangles(refit->positions, refit->indices, ids, count, &lanes);
+    for (uint32_t k = 0; k < 4; k++) {
+        hyi_four a = lanes.corner[0][k], b = lanes.corner[1][k], c = lanes.corner[2][k];
+        hyi_bounds_add(&all, hyi_four_min(a, hyi_four_min(b, c)), hyi_four_max(a, hyi_four_max(b, c)));
     }
-    for (uint32_t c = 0; c < 3; c++) hyi_four_transpose(corners[c]);
-    if (HYI_UNLIKELY(hyi_four_maybe_flat(corners[0], corners[1], corners[2]))) return false;
+    hyi_turn_triangles(&lanes);
+    if (HYI_UNLIKELY(hyi_four_maybe_flat(lanes.corner[0], lanes.corner[1], lanes.corner[2]))) return false;
     *box = all;
-    /* rows of less than four reach into the next ones, but for the last */
-    for (uint32_t r = 0; r < 6; r++) hyi_four_store(rows + r * stride, hyi_four_mul(corners[r / 3u][r % 3u], scale));
-    if (count == 4u) {
-        for (uint32_t r = 0; r < 3; r++) hyi_four_store(rows + (6u + r) * stride, hyi_four_mul(corners[2][r], scale));
-        return true;
-    }
-    for (uint32_t lane = 0; lane < count; lane++) hyi_four_scatter(hyi_four_mul(last[lane], scale), rows + 6u * stride + lane, stride);
+    hyi_store_triangles(&lanes, count, hyi_four_all(refit->scale), rows, stride);
     return true;
 }
 
@@ -170,21 +132,6 @@ HYI_FN hyi_bounds hyi_refit_leaf(const hyi_refit *refit, uint32_t leaf, hyi_refi
     if (!done) return hyi_refit_leaf_slowly(refit, ids, count, rows, sum);
     hyi_bounds_add(&sum->real, box.lower, box.upper);
     return box;
-}
-
-/* Triangles lie anywhere: those behind a leaf in the order of slots, in which a build has them as subtrees are walked, are asked
-   for, and where their rows go. */
-#define HYI_REFIT_AHEAD 40u
-HYI_INLINE void hyi_refit_ask(const hyi_refit *refit, uint32_t leaf) {
-    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
-    const uint32_t *ids = refit->bvh->ids + first + HYI_REFIT_AHEAD;
-    if (refit->bvh->slot_count - first < 2u * HYI_REFIT_AHEAD + HYI_LEAF_MAX) return;
-    for (uint32_t i = 0; i < count; i++) hyi_prefetch(hyi_leaf_lane(refit->bvh, first + HYI_REFIT_AHEAD + i, 0));
-    for (uint32_t i = 0; i < count; i++) hyi_prefetch(refit->indices + 3u * (size_t)ids[HYI_REFIT_AHEAD + i]);
-    for (uint32_t i = 0; i < count; i++) {
-        const uint32_t *index = refit->indices + 3u * (size_t)ids[i];
-        for (uint32_t c = 0; c < 3; c++) hyi_prefetch(refit->positions + 3u * (size_t)index[c]);
-    }
 }
 
 /* ---- nodes */
@@ -224,7 +171,7 @@ HYI_FN void hyi_refit_enter(const hyi_refit *refit, uint32_t node, hyi_refit_fra
     for (uint32_t c = HYI_WIDTH; c-- > 0;) {
         uint32_t child = hyi_node_child(refit->bvh, node, c);
         if (hyi_child_is_leaf(child)) {
-            hyi_refit_ask(refit, child);
+            hyi_ask_for_slots(refit->bvh, refit->positions, refit->indices, hyi_leaf_first(child), hyi_leaf_count(child), refit->bvh->slot_count);
             frame->boxes[c] = hyi_refit_leaf(refit, child, sum);
         } else if (child != HYI_CHILD_NONE) {
             hyi_prefetch(refit->bvh->nodes[child].child);

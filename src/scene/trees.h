@@ -73,8 +73,8 @@ HYI_FN hydra_result hyi_make_tree(hydra_scene *scene, const hyi_tree_source *sou
         scene->info.trees_loaded++;
         return HYDRA_OK;
     }
-    HYI_TRY(hyi_bvh_build_triangles(scene->context, source->positions, source->indices, source->triangle_count, source->build, bvh));
-    quality->cost = quality->cost_when_built = hyi_bvh_cost(bvh);
+    HYI_TRY(hyi_bvh_build_triangles(scene->context, source->positions, source->indices, source->triangle_count, source->build, bvh, &quality->cost));
+    quality->cost_when_built = quality->cost;
     quality->refitted = false;
     scene->info.meshes_built++;
     return HYDRA_OK;
