@@ -28,6 +28,7 @@ typedef struct hyi_grid {
     float plane[3][HYI_SPATIAL_BINS + 1u]; /* bin b lies between planes b and b + 1 */
     float scale[3];                        /* 0: no extent along that axis */
     uint32_t count;
+    hyi_four origin, factor, shift;        /* for all axes: a cell's number and what is behind the point; 0.5 without extent */
 } hyi_grid;
 
 typedef struct hyi_corners {
@@ -88,18 +89,22 @@ HYI_INLINE void hyi_clip(const hyi_corners *corners, const hyi_bounds *box, int 
 
 HYI_INLINE hyi_grid hyi_make_grid(const hyi_bounds *box, uint32_t count) {
     hyi_grid grid;
-    float lower[3], upper[3];
+    float lower[3], upper[3], factor[4] = {0.0f, 0.0f, 0.0f, 0.0f}, shift[4] = {0.5f, 0.5f, 0.5f, 0.5f};
     hyi_bounds_store(box, lower, upper);
     grid.count = count < 256u ? HYI_SPATIAL_BINS / 2u : HYI_SPATIAL_BINS;
     for (int a = 0; a < 3; a++) {
         float extent = upper[a] - lower[a], size = fabsf(lower[a]) > fabsf(upper[a]) ? fabsf(lower[a]) : fabsf(upper[a]);
         /* cells must be wider than the slop */
         bool usable = extent > 1.0e-30f && extent > 1024.0f * HYI_SPATIAL_SLOP * size;
-        grid.scale[a] = usable ? (float)grid.count / extent : 0.0f;
+        grid.scale[a] = factor[a] = usable ? (float)grid.count / extent : 0.0f;
+        if (usable) shift[a] = 0.0f;
         for (uint32_t b = 0; b <= grid.count; b++) {
             grid.plane[a][b] = hyi_rounded(lower[a] + hyi_rounded(extent * ((float)b / (float)grid.count)));
         }
     }
+    grid.origin = hyi_four_make(lower[0], lower[1], lower[2]);
+    grid.factor = hyi_four_load(factor);
+    grid.shift = hyi_four_load(shift);
     return grid;
 }
 
@@ -118,6 +123,22 @@ HYI_INLINE uint32_t hyi_grid_end(const hyi_grid *grid, int axis, uint32_t begin,
     while (bin > (int32_t)begin && upper <= grid->plane[axis][bin]) bin--;
     while (bin < last && upper > grid->plane[axis][bin + 1]) bin++;
     return (uint32_t)bin;
+}
+
+/* Both for all axes at once. false: it takes a look at the planes. Those are off their places by less than 2^-24 of the largest
+   coordinate and of the extent, a number of a cell by 2^-22 of itself: where there is an extent, all of it comes to less than
+   2^-9 of a cell. */
+#define HYI_GRID_DOUBT 0.00390625f /* 2^-8 */
+HYI_INLINE bool hyi_grid_bins(const hyi_grid *grid, const hyi_bounds *box, int32_t begin[4], int32_t end[4]) {
+    const hyi_four least = hyi_four_all(HYI_GRID_DOUBT), most = hyi_four_all(1.0f - HYI_GRID_DOUBT);
+    hyi_four low = hyi_four_add(hyi_four_mul(hyi_four_sub(box->lower, grid->origin), grid->factor), grid->shift);
+    hyi_four high = hyi_four_add(hyi_four_mul(hyi_four_sub(box->upper, grid->origin), grid->factor), grid->shift);
+    hyi_four low_rest = hyi_four_rest(low), high_rest = hyi_four_rest(high);
+    uint32_t sure = hyi_four_greater(hyi_four_min(low_rest, high_rest), least) & hyi_four_greater(most, hyi_four_max(low_rest, high_rest));
+    sure &= hyi_four_greater(hyi_four_all((float)grid->count), high);
+    hyi_four_truncate(low, begin);
+    hyi_four_truncate(high, end);
+    return (sure & 7u) == 7u;
 }
 
 /* One loop for each array: of loops over several, gcc 12 at -O1 loses stores (its induction variables take the address
@@ -142,34 +163,52 @@ HYI_INLINE void hyi_spatial_chop(hyi_spatial_bins *bins, const hyi_grid *grid, c
     if (!hyi_bounds_are_empty(&rest)) hyi_bounds_add(&bins->box[axis][end], rest.lower, rest.upper);
 }
 
-HYI_FN void hyi_spatial_fill(hyi_spatial_bins *bins, const hyi_build *build, const hyi_grid *grid, const hyi_ref *refs, uint32_t count) {
-    for (uint32_t i = 0; i < count; i++) {
-        const hyi_ref *ref = &refs[i];
-        hyi_bounds box = hyi_ref_box(ref);
-        hyi_corners corners;
-        bool loaded = false;
-        for (int a = 0; a < 3; a++) {
-            if (!(grid->scale[a] > 0.0f)) continue;
-            uint32_t begin = hyi_grid_begin(grid, a, ref->lower[a]), end = hyi_grid_end(grid, a, begin, ref->upper[a]);
-            bins->begins[a][begin]++;
-            bins->ends[a][end]++;
-            if (begin == end) {
-                hyi_bounds_add(&bins->box[a][begin], box.lower, box.upper);
-                continue;
-            }
-            if (!loaded) hyi_load_corners(build, hyi_ref_id(ref), &corners);
-            loaded = true;
-            hyi_spatial_chop(bins, grid, &corners, box, a, begin, end);
-        }
-    }
-}
-
 HYI_FN void hyi_spatial_merge(hyi_spatial_bins *bins, const hyi_spatial_bins *more, const hyi_grid *grid) {
     for (int a = 0; a < 3; a++) {
         for (uint32_t b = 0; b < grid->count; b++) hyi_bounds_add(&bins->box[a][b], more->box[a][b].lower, more->box[a][b].upper);
         for (uint32_t b = 0; b < grid->count; b++) bins->begins[a][b] += more->begins[a][b];
         for (uint32_t b = 0; b < grid->count; b++) bins->ends[a][b] += more->ends[a][b];
     }
+}
+
+HYI_INLINE void hyi_spatial_add(hyi_spatial_bins *bins, const hyi_build *build, const hyi_grid *grid, const hyi_ref *ref) {
+    hyi_bounds box = hyi_ref_box(ref);
+    hyi_corners corners;
+    int32_t begin[4], end[4];
+    bool loaded = false, sure = hyi_grid_bins(grid, &box, begin, end);
+    for (int a = 0; a < 3; a++) {
+        if (!(grid->scale[a] > 0.0f)) continue;
+        uint32_t first = (uint32_t)begin[a], last = (uint32_t)end[a];
+        if (HYI_UNLIKELY(!sure)) {
+            first = hyi_grid_begin(grid, a, ref->lower[a]);
+            last = hyi_grid_end(grid, a, first, ref->upper[a]);
+        }
+        bins->begins[a][first]++;
+        bins->ends[a][last]++;
+        if (first == last) {
+            hyi_bounds_add(&bins->box[a][first], box.lower, box.upper);
+            continue;
+        }
+        if (!loaded) hyi_load_corners(build, hyi_ref_id(ref), &corners);
+        loaded = true;
+        hyi_spatial_chop(bins, grid, &corners, box, a, first, last);
+    }
+}
+
+/* Every other one of many has its own bins: see hyi_bins_fill. */
+HYI_FN void hyi_spatial_fill(hyi_spatial_bins *bins, const hyi_build *build, const hyi_grid *grid, const hyi_ref *refs, uint32_t count) {
+    hyi_spatial_bins odd;
+    uint32_t i = 0;
+    hyi_spatial_clear(bins, grid);
+    if (count >= HYI_BINS_PAIRED) {
+        hyi_spatial_clear(&odd, grid);
+        for (; i + 1u < count; i += 2u) {
+            hyi_spatial_add(bins, build, grid, &refs[i]);
+            hyi_spatial_add(&odd, build, grid, &refs[i + 1u]);
+        }
+        hyi_spatial_merge(bins, &odd, grid);
+    }
+    for (; i < count; i++) hyi_spatial_add(bins, build, grid, &refs[i]);
 }
 
 HYI_FN void hyi_spatial_best_on_axis(const hyi_spatial_bins *bins, const hyi_grid *grid, int axis, hyi_split *best) {

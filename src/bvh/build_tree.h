@@ -45,7 +45,6 @@ HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_r
     hyi_split split = hyi_best_split(&work->bins, binning);
     if (!hyi_spatial_pays(build, range, &split)) return split;
     hyi_grid grid = hyi_make_grid(&range->box, range->count);
-    hyi_spatial_clear(&work->spatial, &grid);
     hyi_spatial_fill(&work->spatial, build, &grid, refs, range->count);
     hyi_split spatial = hyi_spatial_best(&work->spatial, &grid);
     return hyi_spatial_is_better(&spatial, &split) ? spatial : split;
@@ -153,7 +152,6 @@ HYI_FN void hyi_spatial_chunk(void *argument, uint32_t chunk) {
     hyi_large *large = (hyi_large *)argument;
     uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, large->range.count);
     hyi_spatial_bins *bins = &large->build->chunk_splits[chunk].spatial;
-    hyi_spatial_clear(bins, &large->grid);
     hyi_spatial_fill(bins, large->build, &large->grid, large->from + begin, end - begin);
 }
 

@@ -27,6 +27,8 @@ HYI_INLINE float hyi_four_sum(hyi_four a) {
     return _mm_cvtss_f32(_mm_add_ss(_mm_add_ss(a, _mm_shuffle_ps(a, a, 1)), _mm_movehl_ps(a, a)));
 }
 HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { _mm_storeu_si128((__m128i *)(void *)to, _mm_cvttps_epi32(a)); }
+/* What is behind the point. */
+HYI_INLINE hyi_four hyi_four_rest(hyi_four a) { return _mm_sub_ps(a, _mm_cvtepi32_ps(_mm_cvttps_epi32(a))); }
 /* Lanes of x where a < b, elsewhere of y. */
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) {
     __m128 less = _mm_cmplt_ps(a, b);
@@ -65,6 +67,7 @@ HYI_INLINE hyi_four hyi_four_mul(hyi_four a, hyi_four b) { return vmulq_f32(a, b
 HYI_INLINE hyi_four hyi_four_turn(hyi_four a) { return vsetq_lane_f32(vgetq_lane_f32(a, 0), vextq_f32(a, a, 1), 2); }
 HYI_INLINE float hyi_four_sum(hyi_four a) { return vgetq_lane_f32(a, 0) + vgetq_lane_f32(a, 1) + vgetq_lane_f32(a, 2); }
 HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { vst1q_s32(to, vcvtq_s32_f32(a)); }
+HYI_INLINE hyi_four hyi_four_rest(hyi_four a) { return vsubq_f32(a, vcvtq_f32_s32(vcvtq_s32_f32(a))); }
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) { return vbslq_f32(vcltq_f32(a, b), x, y); }
 HYI_INLINE hyi_four hyi_four_shift(hyi_four before, hyi_four a) { return vextq_f32(before, a, 3); }
 HYI_INLINE void hyi_four_to_bytes(hyi_four a, hyi_four b, uint8_t *to) {
@@ -128,6 +131,10 @@ HYI_INLINE hyi_four hyi_four_turn(hyi_four a) {
 HYI_INLINE float hyi_four_sum(hyi_four a) { return a.f[0] + a.f[1] + a.f[2]; }
 HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) {
     for (int i = 0; i < 4; i++) to[i] = (int32_t)a.f[i];
+}
+HYI_INLINE hyi_four hyi_four_rest(hyi_four a) {
+    for (int i = 0; i < 4; i++) a.f[i] -= (float)(int32_t)a.f[i];
+    return a;
 }
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) {
     for (int i = 0; i < 4; i++) x.f[i] = a.f[i] < b.f[i] ? x.f[i] : y.f[i];
