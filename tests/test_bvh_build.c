@@ -284,7 +284,7 @@ static void bb_check_reinsertion(int m, const ht_mesh *mesh, hydra_build quality
 
 static float bb_in_places(const hyi_build *build, const hyi_build_node *node, uint32_t places) {
     if (hyi_build_is_leaf(node)) return hyi_leaf_cost(hyi_node_area(node), node->count);
-    return hyi_cost_at(build, node)->as.in_places[places - 1u];
+    return hyi_places_at(build, node)->cost[places - 1u];
 }
 
 /* A node's cost in so many places, the left child getting some of them. */
@@ -294,14 +294,15 @@ static float bb_shared(const hyi_build *build, const hyi_build_node *node, uint3
 
 static void bb_check_cost(const hyi_build *build, const hyi_build_node *node) {
     const hyi_cost *cost = hyi_cost_at(build, node);
+    const float *in_places = hyi_places_at(build, node)->cost;
     for (uint32_t places = 2; places <= HYI_WIDTH; places++) {
         uint32_t left = cost->left[places - 2u];
         float best = FLT_MAX;
         for (uint32_t k = 1; k < places; k++) best = fminf(best, bb_shared(build, node, places, k));
         if (left) assert_true(left < places && bb_shared(build, node, places, left) == best);
-        if (places == HYI_WIDTH) assert_true(left && (cost->leaf || cost->as.in_places[0] == hyi_node_area(node) * HYI_COST_NODE + best));
-        else assert_true(cost->as.in_places[places - 1u] == fminf(best, cost->as.in_places[places - 2u]));
-        if (places < HYI_WIDTH) assert_int_equal(left == 0, cost->as.in_places[places - 1u] == cost->as.in_places[places - 2u]);
+        if (places == HYI_WIDTH) assert_true(left && (cost->leaf || in_places[0] == hyi_node_area(node) * HYI_COST_NODE + best));
+        else assert_true(in_places[places - 1u] == fminf(best, in_places[places - 2u]));
+        if (places < HYI_WIDTH) assert_int_equal(left == 0, in_places[places - 1u] == in_places[places - 2u]);
     }
 }
 

@@ -9,19 +9,19 @@ HYI_FN void hyi_free_parents(hyi_build *build) {
     build->parents = NULL;
 }
 
-/* What only cutting needs. */
 HYI_FN void hyi_free_other(hyi_build *build) {
     if (!build->other_in_room) hyi_free_array(build->context, &build->other, build->capacity);
     build->other = NULL;
-    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
 }
 
 HYI_FN void hyi_build_release(hyi_build *build) {
     hyi_free_other(build);
     hyi_free_parents(build);
+    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
     if (!build->nodes_in_room) {
         hyi_free_array(build->context, &build->nodes, build->node_capacity);
         hyi_free_array(build->context, &build->costs, build->node_capacity / 2u);
+        if (build->in_units) hyi_free_array(build->context, &build->places, build->node_capacity / 2u);
     }
     hyi_free_array(build->context, &build->block, build->room);
     hyi_free_array(build->context, &build->small, build->small_count);
@@ -32,6 +32,7 @@ HYI_FN void hyi_build_release(hyi_build *build) {
     hyi_free_array(build->context, &build->wide_tasks, build->wide_task_capacity);
 }
 
+/* What was cut with goes before the tree comes. */
 HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
     HYI_TRY(hyi_build_refs(build));
     if (build->ref_count == 0) return HYDRA_OK;
@@ -39,7 +40,8 @@ HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
     HYI_TRY(hyi_build_tree(build));
     if (build->parents) HYI_TRY(hyi_reinsert_largest(build));
     hyi_free_parents(build);
-    hyi_free_other(build);
+    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
+    if (build->in_units) hyi_free_other(build);
     return hyi_collapse(build);
 }
 

@@ -107,14 +107,14 @@ HYI_FN void hyi_gather_family(hyi_build *build, uint32_t node, hyi_family *famil
     hyi_cost *cost = hyi_cost_at(build, &build->nodes[node]);
     uint32_t member[HYI_WIDTH];
     hyi_order_family(family, build, member, hyi_share_out(build, node, member));
-    memcpy(cost->as.members, family->member, sizeof family->member);
+    memcpy(hyi_places_at(build, &build->nodes[node])->member, family->member, sizeof family->member);
     cost->tips = (uint8_t)family->count;
 }
 
 /* The same once more. */
 HYI_FN void hyi_recall_family(const hyi_build *build, uint32_t node, hyi_family *family) {
     const hyi_cost *cost = hyi_cost_at(build, &build->nodes[node]);
-    memcpy(family->member, cost->as.members, sizeof family->member);
+    memcpy(family->member, hyi_places_at(build, &build->nodes[node])->member, sizeof family->member);
     family->count = cost->tips;
     family->inner = 0;
     for (uint32_t c = 0; c < family->count; c++) family->inner += 1u - family->member[c] / HYI_MEMBER_LEAF;

@@ -15,19 +15,21 @@
 
 #define HYI_COUNT_MANY 64u
 
-/* Of a node with children, kept by the pair that these are. After the collapse has met a node that becomes a wide one, its
-   children stand here instead. */
+/* Of a node with children, kept by the pair that these are. */
 typedef struct hyi_cost {
-    union {
-        float in_places[HYI_WIDTH];   /* least cost in 1 to 8 places, or fewer */
-        uint32_t members[HYI_WIDTH];
-    } as;
-    uint8_t left[HYI_WIDTH];          /* of 2 to 8 places, those for the left child; 0: one place less does as well; the last is not read */
-    uint8_t tips;                     /* leaves of the binary tree, up to HYI_WIDTH; 0: costs are not known; children */
-    uint8_t count;                    /* references, up to HYI_COUNT_MANY */
-    bool leaf;                        /* in one place: whether as a leaf */
-    uint8_t height;                   /* levels below */
+    uint8_t left[HYI_WIDTH]; /* of 2 to 8 places, those for the left child; 0: one place less does as well; the last is not read */
+    uint8_t tips;            /* leaves of the binary tree, up to HYI_WIDTH; 0: costs are not known; children */
+    uint8_t count;           /* references, up to HYI_COUNT_MANY */
+    bool leaf;               /* in one place: whether as a leaf */
+    uint8_t height;          /* levels below */
 } hyi_cost;
+
+/* The same. After the collapse has met a node that becomes a wide one, its children stand here instead. */
+typedef union hyi_place_costs {
+    float cost[HYI_WIDTH];      /* least in 1 to 8 places, or fewer */
+    uint32_t member[HYI_WIDTH];
+} hyi_place_costs;
+HYI_STATIC_ASSERT(sizeof(hyi_place_costs) == sizeof(hyi_ref));
 #define HYI_COST_NONE 1.0e37f
 
 HYI_INLINE float hyi_node_area(const hyi_build_node *node) {
@@ -39,6 +41,8 @@ HYI_INLINE float hyi_leaf_cost(float area, uint32_t count) { return area * (HYI_
 
 HYI_INLINE hyi_cost *hyi_cost_at(const hyi_build *build, const hyi_build_node *node) { return &build->costs[node->first / 2u]; }
 
+HYI_INLINE hyi_place_costs *hyi_places_at(const hyi_build *build, const hyi_build_node *node) { return &build->places[node->first / 2u]; }
+
 /* Levels below a node. */
 HYI_INLINE uint32_t hyi_height_of(const hyi_build *build, const hyi_build_node *node) {
     return hyi_build_is_leaf(node) ? 0u : hyi_cost_at(build, node)->height;
@@ -46,7 +50,7 @@ HYI_INLINE uint32_t hyi_height_of(const hyi_build *build, const hyi_build_node *
 
 /* What cutting up a subtree into places needs to know of it. */
 typedef struct hyi_shareable {
-    hyi_four low, high; /* hyi_cost's in_places */
+    hyi_four low, high; /* hyi_place_costs */
     uint32_t tips, count, height;
 } hyi_shareable;
 
@@ -59,8 +63,9 @@ HYI_INLINE hyi_shareable hyi_share_of(const hyi_build *build, const hyi_build_no
         share.height = 0;
     } else {
         const hyi_cost *cost = hyi_cost_at(build, node);
-        share.low = hyi_four_load(cost->as.in_places);
-        share.high = hyi_four_load(cost->as.in_places + 4);
+        const hyi_place_costs *places = hyi_places_at(build, node);
+        share.low = hyi_four_load(places->cost);
+        share.high = hyi_four_load(places->cost + 4);
         share.tips = cost->tips;
         share.count = cost->count;
         share.height = cost->height;
@@ -95,19 +100,20 @@ HYI_INLINE hyi_sharing hyi_best_sharing(const hyi_shareable *few, const hyi_shar
 
 /* The least costs of all places, from those of one place and of just so many; and where one place less does not do as well,
    how many of them the left child gets. */
-HYI_INLINE void hyi_set_places(hyi_cost *cost, const hyi_sharing *best, hyi_four one, hyi_four left_low, hyi_four left_high) {
+HYI_INLINE void hyi_set_places(hyi_cost *cost, hyi_place_costs *places, const hyi_sharing *best, hyi_four one, hyi_four left_low, hyi_four left_high) {
     const hyi_four none = hyi_four_all(0.0f);
     hyi_four low = hyi_four_shift(one, best->low), high = hyi_four_shift(best->low, best->high);
     low = hyi_four_min(low, hyi_four_shift(one, low));
     low = hyi_four_min(low, hyi_four_shift(one, hyi_four_shift(one, low)));
     high = hyi_four_min(high, hyi_four_shift(low, high));
     high = hyi_four_min(high, hyi_four_shift(low, hyi_four_shift(low, high)));
-    hyi_four_store(cost->as.in_places, low);
-    hyi_four_store(cost->as.in_places + 4, high);
+    hyi_four_store(places->cost, low);
+    hyi_four_store(places->cost + 4, high);
     hyi_four_to_bytes(hyi_four_pick_less(best->low, low, left_low, none), hyi_four_pick_less(best->high, high, left_high, none), cost->left);
 }
 
-HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
+HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node) {
+    hyi_cost *cost = hyi_cost_at(build, node);
     const float low_places[4] = {2.0f, 3.0f, 4.0f, 5.0f}, high_places[4] = {6.0f, 7.0f, 8.0f, 9.0f};
     const hyi_build_node *children = &build->nodes[node->first];
     hyi_shareable left = hyi_share_of(build, &children[0]), right = hyi_share_of(build, &children[1]);
@@ -121,7 +127,7 @@ HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node
     hyi_four_store(shares, left_high);
     float wide = area * HYI_COST_NODE + shared[HYI_WIDTH - 6u], leaf = count <= build->leaf_max ? hyi_leaf_cost(area, count) : FLT_MAX;
     cost->leaf = leaf <= wide;
-    hyi_set_places(cost, &best, hyi_four_all(cost->leaf ? leaf : wide), left_low, left_high);
+    hyi_set_places(cost, hyi_places_at(build, node), &best, hyi_four_all(cost->leaf ? leaf : wide), left_low, left_high);
     cost->left[HYI_WIDTH - 2u] = (uint8_t)shares[HYI_WIDTH - 6u];
     cost->tips = (uint8_t)(tips < HYI_WIDTH ? tips : HYI_WIDTH);
     cost->count = (uint8_t)(count < HYI_COUNT_MANY ? count : HYI_COUNT_MANY);
@@ -136,7 +142,7 @@ HYI_INLINE void hyi_cost_of(const hyi_build *build, uint32_t at) {
     left = &build->nodes[node->first];
     right = left + 1;
     if (build->in_units) node->count = HYI_BUILD_INNER | ((left->count & ~HYI_BUILD_INNER) + (right->count & ~HYI_BUILD_INNER));
-    hyi_cost_of_inner(build, node, hyi_cost_at(build, node));
+    hyi_cost_of_inner(build, node);
 }
 
 /* Those above the tasks: what has more references than these. Goes no deeper than HYI_TREE_DEPTH. */

@@ -76,6 +76,7 @@ typedef struct hyi_build {
     hyi_build_node *nodes;
     uint32_t node_capacity;
     struct hyi_cost *costs;   /* of subtrees, by pairs of nodes */
+    union hyi_place_costs *places; /* the same; of builds that are not quick, in places of other that ranges have done with */
     uint32_t *parents;        /* by pairs of nodes; NULL: nobody asks */
     hyi_chunk_sum *chunks;
     uint32_t chunk_count;

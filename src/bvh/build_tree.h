@@ -354,13 +354,15 @@ HYI_FN hydra_result hyi_cut_tasks(hyi_build *build) {
 
 /* Whether quick builds have room left for nodes: that of the references that units were made of, behind the ones to clusters,
    each pair in one cache line; and for what is kept by pairs, behind the nodes. */
-HYI_STATIC_ASSERT(9u * (2u * sizeof(hyi_build_node) + sizeof(hyi_cost) + sizeof(uint32_t)) <= 16u * HYI_NODE_BYTES);
+HYI_STATIC_ASSERT(9u * (2u * sizeof(hyi_build_node) + sizeof(hyi_place_costs) + sizeof(hyi_cost) + sizeof(uint32_t)) <= 16u * HYI_NODE_BYTES);
 HYI_FN bool hyi_nodes_in_room(hyi_build *build, uint32_t pairs) {
     size_t clusters = ((size_t)build->ref_count + 1u) / 2u * 2u, room = build->room - (size_t)(build->refs - build->block);
-    size_t bytes = (clusters + 2u * ((size_t)pairs + 1u)) * sizeof(hyi_ref) + pairs * sizeof *build->costs + ((size_t)pairs + 1u) * sizeof *build->parents;
+    size_t bytes = (clusters + 2u * ((size_t)pairs + 1u)) * sizeof(hyi_ref) + ((size_t)pairs + 1u) * sizeof *build->parents;
+    bytes += pairs * (sizeof *build->places + sizeof *build->costs);
     if (bytes > room * sizeof(hyi_ref)) return false;
     build->nodes = (hyi_build_node *)(void *)(build->refs + clusters);
-    build->costs = (hyi_cost *)(void *)(build->nodes + 2u * ((size_t)pairs + 1u));
+    build->places = (hyi_place_costs *)(void *)(build->nodes + 2u * ((size_t)pairs + 1u));
+    build->costs = (hyi_cost *)(void *)(build->places + pairs);
     build->parents = (uint32_t *)(void *)(build->costs + pairs);
     return true;
 }
@@ -373,6 +375,7 @@ HYI_FN hydra_result hyi_place_nodes(hyi_build *build) {
     if (!build->nodes_in_room) {
         HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
         HYI_TRY(hyi_alloc_array(build->context, &build->costs, pairs));
+        if (build->in_units) HYI_TRY(hyi_alloc_array(build->context, &build->places, pairs));
         if (build->positions) HYI_TRY(hyi_alloc_array(build->context, &build->parents, (size_t)pairs + 1u));
     }
     if (build->parents) build->parents[pairs] = UINT32_MAX; /* of the root */
@@ -383,7 +386,9 @@ HYI_FN hydra_result hyi_place_nodes(hyi_build *build) {
 HYI_FN hydra_result hyi_place_other(hyi_build *build) {
     build->other_in_room = build->in_units && build->ref_count <= build->piece_count * HYI_PIECE_UNITS;
     build->other = build->units;
-    return build->other_in_room ? HYDRA_OK : hyi_alloc_array(build->context, &build->other, build->capacity);
+    if (!build->other_in_room) HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
+    if (!build->in_units) build->places = (hyi_place_costs *)(void *)build->other;
+    return HYDRA_OK;
 }
 
 /* The binary tree over all references; its root is the last node. */
