@@ -120,6 +120,13 @@ HYI_FN void hyi_recall_family(const hyi_build *build, uint32_t node, hyi_family 
     for (uint32_t c = 0; c < family->count; c++) family->inner += 1u - family->member[c] / HYI_MEMBER_LEAF;
 }
 
+/* Of a node that comes next. */
+HYI_INLINE void hyi_ask_for_family(const hyi_build *build, uint32_t node) {
+    const uint32_t *member = hyi_places_at(build, &build->nodes[node])->member;
+    uint32_t count = hyi_cost_at(build, &build->nodes[node])->tips;
+    for (uint32_t i = 0; i < count; i++) hyi_prefetch(&build->nodes[member[i] & ~HYI_MEMBER_LEAF]);
+}
+
 /* ---- leaves */
 
 /* The primitives below a binary node that becomes a leaf, each once; returns how many. Units are copied with what comes
@@ -249,6 +256,7 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
             continue;
         }
         walk->depth = depth + 1u > walk->depth ? depth + 1u : walk->depth;
+        if (walk->writes && waiting > 0) hyi_ask_for_family(build, binary[waiting - 1u]);
         if (walk->writes) hyi_recall_family(build, from, &family);
         else hyi_gather_family(build, from, &family);
         uint32_t first_slot = walk->next_slot;
@@ -261,7 +269,8 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
             } else {
                 child = --at;
                 hyi_prefetch(hyi_cost_at(build, &build->nodes[member]));
-                hyi_prefetch(&build->nodes[build->nodes[member].first]);
+                if (walk->writes) hyi_prefetch(hyi_places_at(build, &build->nodes[member]));
+                else hyi_prefetch(&build->nodes[build->nodes[member].first]);
                 binary[waiting] = member;
                 place[waiting] = at;
                 level[waiting++] = depth + 1u;
