@@ -276,6 +276,7 @@ static void bb_check_reinsertion(int m, const ht_mesh *mesh, hydra_build quality
     assert_int_equal(after.leaves, before.leaves);
     assert_true(after.surface <= before.surface * 1.00001);
     if (m < 4) assert_true(build.nodes_in_room == (!build.best && (m == 1 || m == 2))); /* few units of the others merge */
+    if (m < 4 && build.in_units) assert_true((build.crowd_count != 0) == (m != 1 && m != 2));
     if (m == 3 || (m == 4 && build.best)) assert_true(after.surface < 0.98 * before.surface);
     hyi_build_release(&build);
     hyi_bvh_free(&host.context, &bvh); /* a quick build has rows from its beginning */

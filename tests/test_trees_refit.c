@@ -141,6 +141,46 @@ static void test_dropped_triangles_return(void **state) {
     ht_mesh_free(&still);
 }
 
+static uint32_t check_leaf_rows(const hyi_bvh *bvh, uint32_t leaf, const ht_mesh *mesh) {
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
+    for (uint32_t lane = 0; lane < count; lane++) {
+        const uint32_t *index = mesh->indices + 3 * bvh->ids[first + lane];
+        const float *p = mesh->positions;
+        bool flat = hyi_triangle_is_degenerate(p + 3 * index[0], p + 3 * index[1], p + 3 * index[2]);
+        for (uint32_t i = 0; i < 9; i++)
+            assert_true(hyi_leaf_lane(bvh, first, lane)[i * count] == p[3 * index[flat ? 0 : i / 3] + i % 3] * bvh->scale);
+    }
+    return count;
+}
+
+/* Leaves of all sizes have the corners of their triangles, those of one without area at a point. Catches: lanes that reach
+   into other leaves, or that belong to another triangle. */
+static void test_rows_of_moved_triangles(void **state) {
+    (void)state;
+    ht_mesh first = ht_icosphere(1.0f, 5), now = copy_of(&first);
+    ht_rng rng = ht_rng_make(4);
+    ht_mesh_jitter(&now, &rng, 0.05f);
+    for (uint32_t i = 0; i < 3 * now.vertex_count; i++) now.positions[i] *= 1e9f;
+    for (uint32_t t = 0; t < now.index_count / 3; t += 97)
+        memcpy(now.positions + 3 * now.indices[3 * t], now.positions + 3 * now.indices[3 * t + 1], 3 * sizeof(float));
+    for (int build = HYDRA_BUILD_FAST; build <= HYDRA_BUILD_BEST; build++) {
+        uint32_t seen[HYI_LEAF_MAX + 1] = {0};
+        world w;
+        open_mesh(&w, &first, true, (hydra_build)build);
+        move(&w, &now);
+        assert_int_equal(info_of(&w).meshes_refitted, 1);
+        const hyi_bvh *bvh = &w.scene->meshes[0].bvh;
+        assert_true(bvh->scale != 1.0f);
+        for (uint32_t n = 0; n < bvh->node_count; n++)
+            for (uint32_t c = 0; c < HYI_WIDTH; c++)
+                if (hyi_child_is_leaf(bvh->nodes[n].child[c])) seen[check_leaf_rows(bvh, bvh->nodes[n].child[c], &now)]++;
+        assert_true(seen[2] && seen[3] && seen[4] && seen[6]);
+        close_world(&w);
+    }
+    ht_mesh_free(&first);
+    ht_mesh_free(&now);
+}
+
 /* Catches: a tree that depends on who refitted which part of it. */
 static void test_same_for_any_threads(void **state) {
     (void)state;
@@ -436,6 +476,7 @@ int hydra_test_trees_refit(void) {
         cmocka_unit_test(test_collapse_and_back),
         cmocka_unit_test(test_collapse_of_some),
         cmocka_unit_test(test_dropped_triangles_return),
+        cmocka_unit_test(test_rows_of_moved_triangles),
         cmocka_unit_test(test_same_for_any_threads),
         cmocka_unit_test(test_scene_follows),
         cmocka_unit_test(test_moved_normals),
