@@ -167,7 +167,6 @@ HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t leaf) {
 }
 
 /* All leaves of a node, in the order of their slots, which is from the last on. end: as for hyi_ask_for_slots. */
-#define HYI_SOURCE_LARGE 65536u /* the cache has fewer triangles than that: they need not be asked for */
 HYI_FN void hyi_write_leaves(const hyi_build *build, const hyi_node *node, uint32_t end) {
     for (uint32_t c = HYI_WIDTH; c-- > 0;) {
         uint32_t child = node->child[c];

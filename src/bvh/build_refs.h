@@ -208,6 +208,7 @@ HYI_INLINE void hyi_store_triangles(const hyi_four_triangles *lanes, uint32_t co
 /* Triangles lie anywhere: those in slots behind a leaf's, which are written after it, are asked for, and where their rows go.
    end: slots from there on are another's, or not there. */
 #define HYI_ASK_AHEAD 40u
+#define HYI_SOURCE_LARGE 32768u /* the cache has fewer triangles than that: they need not be asked for */
 HYI_INLINE void hyi_ask_for_slots(const hyi_bvh *bvh, const float *positions, const uint32_t *indices, uint32_t first, uint32_t count, uint32_t end) {
     const uint32_t last = end - 1u;
     for (uint32_t s = first + HYI_ASK_AHEAD; s < first + HYI_ASK_AHEAD + count; s++) {

@@ -171,7 +171,8 @@ HYI_FN void hyi_refit_enter(const hyi_refit *refit, uint32_t node, hyi_refit_fra
     for (uint32_t c = HYI_WIDTH; c-- > 0;) {
         uint32_t child = hyi_node_child(refit->bvh, node, c);
         if (hyi_child_is_leaf(child)) {
-            hyi_ask_for_slots(refit->bvh, refit->positions, refit->indices, hyi_leaf_first(child), hyi_leaf_count(child), refit->bvh->slot_count);
+            if (refit->bvh->slot_count >= HYI_SOURCE_LARGE)
+                hyi_ask_for_slots(refit->bvh, refit->positions, refit->indices, hyi_leaf_first(child), hyi_leaf_count(child), refit->bvh->slot_count);
             frame->boxes[c] = hyi_refit_leaf(refit, child, sum);
         } else if (child != HYI_CHILD_NONE) {
             hyi_prefetch(refit->bvh->nodes[child].child);
