@@ -184,10 +184,56 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
     }
 }
 
+/* Eight keys and the same in another order: the greater go where bits of places has one, the lesser elsewhere. */
+#define HYI_SORT_STEP_AVX2(keys, others, places)                                                                         \
+    do {                                                                                                                 \
+        __m256i sort_others = (others);                                                                                  \
+        keys = _mm256_blend_epi32(_mm256_min_epi32(keys, sort_others), _mm256_max_epi32(keys, sort_others), places);     \
+    } while (0)
+
+/* The greatest first: each step compares all, in pairs. Nothing is guessed, so nothing is guessed wrong. */
+HYI_INLINE HYI_AVX2 __m256i hyi_sorted_avx2(__m256i keys) {
+    HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0xb1), 0x55);
+    HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0x1b), 0x33);
+    HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0xb1), 0x55);
+    HYI_SORT_STEP_AVX2(keys, _mm256_permute4x64_epi64(_mm256_shuffle_epi32(keys, 0x1b), 0x4e), 0x0f);
+    HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0x4e), 0x33);
+    HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0xb1), 0x55);
+    return keys;
+}
+
+/* The least of eight. */
+HYI_INLINE HYI_AVX2 uint32_t hyi_least_key_avx2(__m256i keys) {
+    keys = _mm256_min_epi32(keys, _mm256_shuffle_epi32(keys, 0xb1));
+    keys = _mm256_min_epi32(keys, _mm256_shuffle_epi32(keys, 0x4e));
+    return (uint32_t)_mm_cvtsi128_si32(_mm_min_epi32(_mm256_castsi256_si128(keys), _mm256_extracti128_si256(keys, 1)));
+}
+
+/* hyi_push_farther of three children or more. They are sorted by t, or by 0 where that is less, with the number of the child in its
+   last bits; what waits has these clear, so that it is no more than t, if that matters. All eight are written: those that are not met
+   lie above the top. */
+HYI_INLINE HYI_AVX2 uint32_t hyi_push_several_avx2(hyi_waiting **stack, const hyi_node *node, const float enter[8], uint32_t mask, const hyi_ahead *ahead) {
+    const __m256i numbers = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128), last = _mm256_set1_epi32(7);
+    __m256i met = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32((int)mask), bits), bits);
+    __m256i t = _mm256_max_epi32(_mm256_castps_si256(_mm256_loadu_ps(enter)), _mm256_setzero_si256());
+    __m256i keys = _mm256_or_si256(_mm256_andnot_si256(last, t), numbers);
+    uint32_t nearest = node->child[hyi_least_key_avx2(_mm256_blendv_epi8(_mm256_set1_epi32(INT32_MAX), keys, met)) & 7u];
+    keys = hyi_sorted_avx2(_mm256_blendv_epi8(_mm256_or_si256(_mm256_set1_epi32(INT32_MIN), numbers), keys, met));
+    __m256i child = _mm256_permutevar8x32_epi32(_mm256_load_si256((const __m256i *)(const void *)node->child), keys);
+    t = _mm256_andnot_si256(last, keys);
+    __m256i even = _mm256_unpacklo_epi32(child, t), odd = _mm256_unpackhi_epi32(child, t);
+    _mm256_storeu_si256((__m256i *)(void *)*stack, _mm256_permute2x128_si256(even, odd, 0x20));
+    _mm256_storeu_si256((__m256i *)(void *)(*stack + 4), _mm256_permute2x128_si256(even, odd, 0x31));
+    *stack += _mm_popcnt_u32(mask) - 1;
+    for (; ahead && mask; mask &= mask - 1u) hyi_ask_for(ahead, node->child[hyi_lowest_bit(mask)]);
+    return nearest;
+}
+
 #define HYI_TARGET HYI_AVX2
 #define HYI_I(name) name##_avx2
 #define HYI_F8 __m256
 #define HYI_ALWAYS_EXACT 0
+#define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_several_avx2(stack, node, enter, mask, ahead)
 #define HYI_M8 __m256
 #define HYI_LOAD8(p) _mm256_load_ps(p)
 #define HYI_LOADU8(p) _mm256_loadu_ps(p)

@@ -102,6 +102,7 @@
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_PUSH_SEVERAL
 #undef HYI_RAY_WORDS
 #undef HYI_RECORDS
 #undef HYI_SIGNED4

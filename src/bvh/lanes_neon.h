@@ -54,6 +54,7 @@ HYI_INLINE void hyi_store_places4_neon(uint32_t *at, uint32x4_t bits) {
 
 #define HYI_TARGET
 #define HYI_I(name) name##_neon
+#define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_farther(stack, (node)->child, enter, mask, ahead)
 #define HYI_F4 float32x4_t
 #define HYI_M4 uint32x4_t
 #define HYI_LOAD4(p) vld1q_f32(p)

@@ -34,6 +34,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 
 #define HYI_TARGET HYI_SSE42
 #define HYI_I(name) name##_sse42
+#define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_farther(stack, (node)->child, enter, mask, ahead)
 #include "lanes_four.inc.h"
 #define HYI_M4 __m128
 #define HYI_LOAD4_ALIGNED(p) _mm_load_ps(p)

@@ -80,8 +80,8 @@ HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
 
 /* ---- the children of a node that a single ray still has to visit */
 
-/* Seven wait on each level. */
-#define HYI_STACK (7u * HYI_TREE_DEPTH + 8u)
+/* Seven wait on each level; eight are written at a time. */
+#define HYI_STACK (7u * HYI_TREE_DEPTH + 16u)
 
 /* A child in the low half, the bits of t at which it is entered in the high one: in the order of t, but where that is negative. */
 typedef int64_t hyi_waiting;
@@ -124,12 +124,13 @@ HYI_INLINE void hyi_ask_for(const hyi_ahead *ahead, uint32_t child) {
     for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
 }
 
-/* Of child first and those in mask (not empty), returns the nearest and puts the others on the stack, the
-   nearer the higher. ahead: NULL or where memory is asked for all. */
-HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t first, uint32_t mask, const hyi_ahead *ahead) {
+/* Of the children in mask (not empty), returns the nearest and puts the others on the stack, the nearer the higher.
+   ahead: NULL or where memory is asked for all. */
+HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t mask, const hyi_ahead *ahead) {
+    uint32_t first = hyi_lowest_bit(mask);
     hyi_waiting *base = *stack, *top = base, nearest = hyi_waiting_of(child[first], t[first]);
     if (ahead) hyi_ask_for(ahead, child[first]);
-    for (; mask; mask &= mask - 1u) {
+    while ((mask &= mask - 1u) != 0u) {
         uint32_t c = hyi_lowest_bit(mask);
         if (ahead) hyi_ask_for(ahead, child[c]);
         hyi_waiting other = hyi_waiting_of(child[c], t[c]), farther = other > nearest ? other : nearest;

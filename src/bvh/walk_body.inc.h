@@ -193,10 +193,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             at = HYI_CHILD_NONE;
             if (!mask) break;
-            uint32_t first = hyi_lowest_bit(mask);
-            mask &= mask - 1u;
-            at = node->child[first];
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            uint32_t others = mask & (mask - 1u);
+            at = node->child[hyi_lowest_bit(mask)];
+            if (others & (others - 1u)) at = HYI_PUSH_SEVERAL(&top, node, enter, mask, any ? NULL : &ahead);
+            else if (others) at = hyi_push_farther(&top, node->child, enter, mask, any ? NULL : &ahead);
             else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
@@ -231,7 +231,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, mask, NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
