@@ -352,20 +352,26 @@ HYI_NOINLINE double hyi_settle_distance(const hyi_aim *aim, const float *rows, u
 }
 
 /* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT where that is not within t_min and
-   t_max; weights: u and v; n: the normal, in the order of axis. The plane comes first: most of the triangles that fail here lie behind a nearer hit. */
-HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2],
-                             double n[3]) {
-    float ax, ay, bx, by, cx, cy;
+   t_max; weights: u and v; n: the normal, in the order of axis. sheared: x of this corner and y, of the next and of the last in the
+   sheared frame, eight floats apart, if they are known, or NULL. The plane comes first: most of the triangles that fail here lie behind a nearer hit. */
+HYI_INLINE float hyi_confirm_sheared(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, const float *sheared, float t_min, float t_max,
+                                     float weights[2], double n[3]) {
+    float hx[3], hy[3];
     hyi_crossing x;
     rows += lane;
     hyi_cross_plane(aim, rows, stride, &x);
     if (x.across == 0.0) return HYI_NO_HIT;
     float t = (float)hyi_rounded_double(x.plane * aim->unit);
     if (!(t >= t_min && t <= t_max) && hyi_surely_beyond(aim, &x, t_min, t_max)) return HYI_NO_HIT;
-    hyi_shear_corner(aim, rows, stride, &ax, &ay);
-    hyi_shear_corner(aim, rows + 3u * stride, stride, &bx, &by);
-    hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
-    const double w[3] = {hyi_cross_exact(cx, by, cy, bx), hyi_cross_exact(ax, cy, ay, cx), hyi_cross_exact(bx, ay, by, ax)};
+    for (uint32_t k = 0; k < 3; k++) {
+        if (sheared) {
+            hx[k] = sheared[16u * k];
+            hy[k] = sheared[16u * k + 8u];
+        } else {
+            hyi_shear_corner(aim, rows + 3u * k * stride, stride, &hx[k], &hy[k]);
+        }
+    }
+    const double w[3] = {hyi_cross_exact(hx[2], hy[1], hy[2], hx[1]), hyi_cross_exact(hx[0], hy[2], hy[0], hx[2]), hyi_cross_exact(hx[1], hy[0], hy[1], hx[0])};
     double sum = hyi_rounded_double(hyi_rounded_double(w[0] + w[1]) + w[2]);
     double least = w[0] < w[1] ? w[0] : w[1], most = w[0] > w[1] ? w[0] : w[1];
     least = w[2] < least ? w[2] : least;
@@ -380,6 +386,11 @@ HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t str
     weights[1] = (float)(w[2] * inverse);
     for (int i = 0; i < 3; i++) n[i] = x.n[i];
     return t;
+}
+
+HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2],
+                             double n[3]) {
+    return hyi_confirm_sheared(aim, rows, stride, lane, NULL, t_min, t_max, weights, n);
 }
 
 /* Ties of equal t go to the smaller instance, then the smaller primitive; t_max itself counts as a hit. */

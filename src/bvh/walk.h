@@ -175,11 +175,12 @@ HYI_INLINE void hyi_set_best(const hyi_site *site, hyi_flight *flight, uint32_t 
     flight->best.lane = lane;
 }
 
-/* Decides on one triangle of a leaf. Returns whether it is the new best. */
-HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+/* Decides on one triangle of a leaf; sheared: as for hyi_confirm_sheared. Returns whether it is the new best. */
+HYI_INLINE bool hyi_decide_sheared(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, const float *sheared) {
     float weights[2] = {0.0f, 0.0f};
     double n[3];
-    float t = hyi_confirm(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), lane, flight->t_min, flight->best.t, weights, n);
+    const float *rows = hyi_leaf_rows(site->bvh, leaf);
+    float t = hyi_confirm_sheared(&flight->aim, rows, hyi_leaf_count(leaf), lane, sheared, flight->t_min, flight->best.t, weights, n);
     if (t == HYI_NO_HIT) return false;
     uint32_t primitive = site->bvh->ids[hyi_leaf_first(leaf) + lane];
     if (!hyi_beats(&flight->best, t, site->instance, primitive)) return false;
@@ -189,6 +190,10 @@ HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t le
     flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
     return true;
+}
+
+HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    return hyi_decide_sheared(site, flight, leaf, lane, NULL);
 }
 
 /* Works out the hit that was put off. */

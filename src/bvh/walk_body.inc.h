@@ -109,11 +109,9 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
 }
 
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
-    HYI_I(hyi_corners) k[3];
+   mean of t at the corners. exact: nothing is certain. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_corners)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], uint32_t count, bool exact) {
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
     for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
@@ -127,14 +125,29 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     return verdicts;
 }
 
+/* Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, HYI_I(hyi_corners) k[3]) {
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_shear_triangles)(sight, rows, count, k);
+    return HYI_I(hyi_meet_corners)(sight, k, count, exact);
+}
+
 /* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
-HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer_sheared)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, const float *sheared) {
     uint32_t waits = flight->aim.leaf;
     if (waits) {
         flight->aim.leaf = 0;
-        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, waits, flight->aim.lane, NULL);
     }
-    return hyi_decide(site, flight, leaf, lane);
+    return hyi_decide_sheared(site, flight, leaf, lane, sheared);
+}
+
+HYI_FN HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    return HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, NULL);
 }
 
 /* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
@@ -173,10 +186,20 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. false: there were none, and nothing has changed. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_corners) k[3];
+    float sheared[6][8];
+    HYI_I(hyi_shear_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), k);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_corners)(&sight, k, hyi_leaf_count(leaf), true);
     if (!verdicts.possible) return false;
     hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    for (int i = 0; i < 3; i++) {
+        HYI_STORE8(sheared[2 * i], k[i].x);
+        HYI_STORE8(sheared[2 * i + 1], k[i].y);
+    }
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, &sheared[0][lane]);
+    }
     return true;
 }
 
