@@ -201,6 +201,7 @@ HYI_INLINE HYI_AVX2 __m256i hyi_sorted_avx2(__m256i keys) {
     HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0xb1), 0x55);
     return keys;
 }
+#undef HYI_SORT_STEP_AVX2
 
 /* The least of eight. */
 HYI_INLINE HYI_AVX2 uint32_t hyi_least_key_avx2(__m256i keys) {
@@ -233,6 +234,7 @@ HYI_INLINE HYI_AVX2 uint32_t hyi_push_several_avx2(hyi_waiting **stack, const hy
 #define HYI_I(name) name##_avx2
 #define HYI_F8 __m256
 #define HYI_ALWAYS_EXACT 0
+#define HYI_EXACT_ALONE 0
 #define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_several_avx2(stack, node, enter, mask, ahead)
 #define HYI_M8 __m256
 #define HYI_LOAD8(p) _mm256_load_ps(p)

@@ -392,6 +392,7 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_I(name) name##_avx512
 #define HYI_F8 __m256
 #define HYI_ALWAYS_EXACT 0
+#define HYI_EXACT_ALONE 0
 #define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_several_avx2(stack, node, enter, mask, ahead)
 #define HYI_M8 __mmask8
 #define HYI_LOAD8(p) _mm256_load_ps(p)

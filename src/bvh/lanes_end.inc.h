@@ -27,6 +27,7 @@
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXACT_ALONE
 #undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8

@@ -170,6 +170,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 
 #define HYI_F8 HYI_I(hyi_f8)
 #define HYI_ALWAYS_EXACT 0
+#define HYI_EXACT_ALONE 1 /* eight in two steps: for one ray that costs what it spares */
 #define HYI_M8 HYI_I(hyi_m8)
 #define HYI_LOAD8(p) HYI_I(hyi_load_plane)(p)
 #define HYI_LOADU8(p) HYI_I(hyi_load8)(p)

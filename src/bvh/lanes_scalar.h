@@ -65,6 +65,7 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 
 #define HYI_TARGET
 #define HYI_ALWAYS_EXACT 1 /* eight judgements would cost more than the decisions that they spare */
+#define HYI_EXACT_ALONE 1
 #define HYI_I(name) name##_scalar
 #define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_farther(stack, (node)->child, enter, mask, ahead)
 #define HYI_F8 hyi_f8

@@ -108,9 +108,19 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
     HYI_STORE8(verdicts->most, most);
 }
 
+/* Bits of the triangles that seem to be met beyond one of the limits: without a division, and without a bound of what is rounded. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_seem_beyond)(const HYI_I(hyi_sight) *sight, const HYI_F8 w[3], const HYI_F8 t[3]) {
+    HYI_F8 sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), total = HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), zero = HYI_ZERO8();
+    HYI_F8 from_near = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_near), sum)), sum);
+    HYI_F8 from_far = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_far), sum)), sum);
+    return HYI_BITS8(HYI_OR8(HYI_LT8(from_near, zero), HYI_LT8(zero, from_far)));
+}
+
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_corners)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], uint32_t count, bool exact) {
+   mean of t at the corners. exact: nothing is certain. alone: hits are decided on at once, so a closer look is for what seems to be
+   no hit, such as the triangle that the ray comes from. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_corners)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], uint32_t count, bool exact,
+                                                              bool alone) {
     HYI_I(hyi_verdicts) verdicts;
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
@@ -120,8 +130,8 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_corners)(const HYI_I(hy
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    if (!verdicts.possible || exact || (alone && !(HYI_I(hyi_seem_beyond)(sight, w, t) & verdicts.possible))) return verdicts;
+    HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
@@ -133,7 +143,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangles)(const HYI_I(hyi_sight) *si
 HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
     HYI_I(hyi_corners) k[3];
     HYI_I(hyi_shear_triangles)(sight, rows, count, k);
-    return HYI_I(hyi_meet_corners)(sight, k, count, exact);
+    return HYI_I(hyi_meet_corners)(sight, k, count, exact, false);
 }
 
 /* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
@@ -189,7 +199,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flig
     HYI_I(hyi_corners) k[3];
     float sheared[6][8];
     HYI_I(hyi_shear_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), k);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_corners)(&sight, k, hyi_leaf_count(leaf), true);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_corners)(&sight, k, hyi_leaf_count(leaf), HYI_EXACT_ALONE || flight->aim.exact, true);
     if (!verdicts.possible) return false;
     hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
     for (int i = 0; i < 3; i++) {
