@@ -113,6 +113,17 @@ HYI_INLINE void hyi_prefetch(const void *address) {
 #endif
 }
 
+/* The same from farther ahead, into the second cache: many more lines can be on their way to there than to the first. */
+HYI_INLINE void hyi_prefetch_early(const void *address) {
+#if HYI_GNU
+    __builtin_prefetch(address, 0, 2);
+#elif HYI_X86
+    _mm_prefetch((const char *)address, _MM_HINT_T1);
+#else
+    (void)address;
+#endif
+}
+
 /* Which thread this is; never 0. */
 HYI_INLINE int64_t hyi_this_thread(void) {
 #if defined(HYDRA_NO_THREADS)

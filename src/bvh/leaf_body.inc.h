@@ -173,6 +173,7 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *s
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        hyi_prefetch_leaf_early(swarm->site.bvh, leaves[i + HYI_LEAVES_EARLY < count ? i + HYI_LEAVES_EARLY : i]);
         hyi_prefetch_child(swarm->site.bvh, leaves[i + 3u < count ? i + 3u : i]);
         hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }

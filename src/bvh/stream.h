@@ -41,19 +41,19 @@
 #define HYI_ABREAST_LEAST(triangles) ((triangles) + 3u)
 
 /* Flights that few others go with wait, each with the leaf or the node that it has come to, until there are so many for one loop. */
-#define HYI_LEAVES_LEAST 8u
-#define HYI_LEAVES_ENOUGH 32u    /* leaves that nodes of such flights have found */
+#define HYI_LEAVES_LEAST 16u
+#define HYI_LEAVES_ENOUGH 64u    /* leaves that nodes of such flights have found */
+#define HYI_LEAVES_EARLY 8u      /* so far ahead memory is asked for leaves, */
+#define HYI_NODES_EARLY 20u      /* and for nodes */
 #define HYI_LEAVES_OF_LIST 12u   /* more than go one by one of any list at a leaf */
 #define HYI_LEAVES_MOST (HYI_LEAVES_LEAST + HYI_WIDTH * HYI_LEAVES_OF_LIST)
-#define HYI_NODES_LEAST 32u
-#define HYI_NODES_ENOUGH 512u    /* the last goes first where more wait, and its node has no time to come */
+#define HYI_NODES_LEAST 64u
+#define HYI_NODES_ENOUGH 1024u   /* the last goes first where more wait, and its node has no time to come */
 #define HYI_NODES_OF_LIST 6u     /* lists that are no longer fall apart at a node */
 #define HYI_NODES_MOST (HYI_NODES_ENOUGH + HYI_WIDTH * (HYI_TREE_DEPTH + 2u)) /* seven wait on each level, and eight are stored at a time */
 HYI_STATIC_ASSERT(HYI_ABREAST_LEAST(HYI_LEAF_MAX) <= HYI_LEAVES_OF_LIST && HYI_NODES_LEAST + HYI_NODES_OF_LIST <= HYI_NODES_ENOUGH);
 HYI_STATIC_ASSERT(HYI_LEAVES_ENOUGH + 2u * HYI_WIDTH <= HYI_LEAVES_MOST);
 
-#define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
-#define HYI_LARGE_TREE ((size_t)96 << 20)
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
 #define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 
@@ -145,7 +145,7 @@ typedef struct hyi_waiters {
 
 /* A list of flights on its way down a tree. */
 typedef struct hyi_journey {
-    hyi_swarm swarm;
+    const hyi_swarm *swarm;
     uint32_t depth;
     hyi_frame frames[HYI_TREE_DEPTH];
     hyi_waiters waiters;

@@ -176,7 +176,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uin
 /* Deals a list out at a node, which comes on top of a journey. Children are visited nearest first; where any hit does, leaves
    come before all else, since they end rays the soonest. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_swarm *swarm = journey->swarm;
     const hyi_bvh *bvh = swarm->site.bvh;
     const hyi_node *node = &bvh->nodes[at];
     hyi_frame *frame = &journey->frames[journey->depth++];
@@ -197,20 +197,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
     frame->children = hyi_count_bits(mask);
 }
 
-/* Sends a list on to what is no leaf of triangles; returns whether it has come to a node. Where memory for lists is short, rays go
-   one by one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
-    const hyi_swarm *swarm = &journey->swarm;
+/* Sends a list on to what is no leaf of triangles. Where memory for lists is short, rays go one by one. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+    const hyi_swarm *swarm = journey->swarm;
     bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
-    if (!fits) {
-        *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    } else if (hyi_child_is_leaf(at)) {
-        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else {
-        HYI_I(hyi_arrive)(journey, at, list, count, space);
-        return true;
-    }
-    return false;
+    if (!fits) *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    else if (hyi_child_is_leaf(at)) HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    else HYI_I(hyi_arrive)(journey, at, list, count, space);
 }
 
 /* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
@@ -240,10 +233,12 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hy
     uint32_t next = 0, hits = 0;
     while (next < w->at_nodes) {
         uint32_t i = w->at_nodes <= HYI_NODES_ENOUGH ? next++ : --w->at_nodes, ahead = next + 3u < w->at_nodes ? next + 3u : i;
+        uint32_t early = next + HYI_NODES_EARLY < w->at_nodes ? next + HYI_NODES_EARLY : i;
         const hyi_node *node = &bvh->nodes[w->nodes[i]];
         const hyi_aim *aim = &swarm->flights[w->node_rays[i]].aim;
         HYI_I(hyi_planes) planes;
         HYI_F8 enter;
+        hyi_prefetch_node_early(bvh, w->nodes[early]);
         hyi_prefetch_child(bvh, w->nodes[ahead]);
         hyi_prefetch(&swarm->flights[w->node_rays[ahead]]);
         HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
@@ -258,8 +253,8 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hy
 /* Flights that wait go on where there are enough of them. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_waiters)(hyi_journey *journey, uint32_t nodes, uint32_t leaves) {
     uint32_t hits = 0;
-    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(&journey->swarm, &journey->waiters);
-    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(&journey->swarm, &journey->waiters);
+    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(journey->swarm, &journey->waiters);
+    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(journey->swarm, &journey->waiters);
     return hits;
 }
 
@@ -282,7 +277,7 @@ HYI_INLINE void HYI_I(hyi_wait_at_leaf)(hyi_waiters *w, uint32_t leaf, float ent
 
 /* Offers the leaves that come next among a frame's children to their lists. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
-    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_swarm *swarm = journey->swarm;
     bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
     for (; frame->next < frame->children; frame->next++) {
         uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
@@ -294,55 +289,37 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_fram
     frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
-/* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
-    const hyi_swarm *swarm = &journey->swarm;
-    while (journey->depth) {
-        hyi_frame *frame = &journey->frames[journey->depth - 1u];
-        if (frame->next == frame->children) {
-            if (--journey->depth) frame[-1].hits += frame->hits;
-            continue;
-        }
-        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
-            HYI_I(hyi_list_leaves)(journey, frame);
-            continue;
-        }
-        frame->next++;
-        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
-            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
-            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
-            continue;
-        }
-        if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+/* Goes on from a node to the first of its children not yet visited, or back. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_advance)(hyi_journey *journey) {
+    const hyi_swarm *swarm = journey->swarm;
+    hyi_frame *frame = &journey->frames[journey->depth - 1u];
+    if (frame->next == frame->children) {
+        if (--journey->depth) frame[-1].hits += frame->hits;
+        return;
     }
-    return false;
+    uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+        HYI_I(hyi_list_leaves)(journey, frame);
+        return;
+    }
+    frame->next++;
+    if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+        HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+        frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+        return;
+    }
+    HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits);
 }
 
-/* Into how many parts a list is cut. Each has shorter lists, and visits more nodes for its rays: only waiting for memory is dearer,
-   and rays that any hit ends wait little. */
-HYI_INLINE uint32_t HYI_I(hyi_count_journeys)(const hyi_swarm *swarm, uint32_t count) {
-    bool waits = !swarm->any && swarm->site.bvh->bytes >= HYI_LARGE_TREE;
-    return waits && count >= HYI_JOURNEYS * HYI_STREAM_LEAST ? HYI_JOURNEYS : 1u;
-}
-
-/* Sends a list of flights through a tree with nodes, in parts that take turns: while what one comes to is on its way from memory,
-   the others go on. space: memory for lists, up to swarm->lists_end. */
+/* Sends a list of flights through a tree with nodes. space: memory for lists, up to swarm->lists_end. */
 HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
-    hyi_journey journeys[HYI_JOURNEYS];
-    uint32_t parts = HYI_I(hyi_count_journeys)(swarm, count), share = (count + parts - 1u) / parts, hits = 0, going = 0;
-    size_t room = (size_t)(swarm->lists_end - space) / parts;
-    for (uint32_t k = 0; k < parts; k++) {
-        uint32_t first = k * share, some = count - first < share ? count - first : share;
-        journeys[k].swarm = *swarm;
-        journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = journeys[k].waiters.at_leaves = journeys[k].waiters.at_nodes = 0;
-        going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
-    }
-    while (going)
-        for (uint32_t k = 0; k < parts; k++)
-            if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
-    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_run_waiters)(&journeys[k], 0, 0);
+    hyi_journey journey;
+    uint32_t hits = 0;
+    journey.swarm = swarm;
+    journey.depth = journey.waiters.at_leaves = journey.waiters.at_nodes = 0;
+    HYI_I(hyi_go_on)(&journey, swarm->site.bvh->root, list, count, space, &hits);
+    while (journey.depth) HYI_I(hyi_advance)(&journey);
+    (void)HYI_I(hyi_run_waiters)(&journey, 0, 0);
 }
 
 /* The same, of any tree. */

@@ -71,6 +71,17 @@ HYI_FN bool hyi_was_sound(const hyk_ray *at) {
 
 HYI_INLINE const float *hyi_leaf_rows(const hyi_bvh *bvh, uint32_t leaf) { return bvh->rows + 9u * (size_t)hyi_leaf_first(leaf); }
 
+/* hyi_prefetch_early of all of a node, and of most of a leaf. */
+HYI_INLINE void hyi_prefetch_node_early(const hyi_bvh *bvh, uint32_t node) {
+    const char *at = (const char *)&bvh->nodes[node];
+    for (uint32_t line = 0; line < 4u; line++) hyi_prefetch_early(at + 64u * line);
+}
+
+HYI_INLINE void hyi_prefetch_leaf_early(const hyi_bvh *bvh, uint32_t leaf) {
+    const char *at = (const char *)hyi_leaf_rows(bvh, leaf);
+    for (uint32_t line = 0; line < 5u; line++) hyi_prefetch_early(at + 64u * line);
+}
+
 /* What a child will read first: all of a node, and of a leaf, which begins anywhere in a line, as much as eight triangles take. */
 HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
     bool leaf = hyi_child_is_leaf(child);
