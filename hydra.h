@@ -908,6 +908,17 @@ HYI_INLINE void hyi_prefetch(const void *address) {
 #endif
 }
 
+/* The same from farther ahead, into the second cache: many more lines can be on their way to there than to the first. */
+HYI_INLINE void hyi_prefetch_early(const void *address) {
+#if HYI_GNU
+    __builtin_prefetch(address, 0, 2);
+#elif HYI_X86
+    _mm_prefetch((const char *)address, _MM_HINT_T1);
+#else
+    (void)address;
+#endif
+}
+
 /* Which thread this is; never 0. */
 HYI_INLINE int64_t hyi_this_thread(void) {
 #if defined(HYDRA_NO_THREADS)
@@ -5617,16 +5628,6 @@ HYI_INLINE hyi_box hyi_node_box(const hyi_bvh *bvh, uint32_t node, uint32_t c) {
     return box;
 }
 
-/* Gives the first count children, which are all, new boxes, in the tree's units. */
-HYI_INLINE void hyi_node_move(hyi_bvh *bvh, uint32_t node, const hyi_box *boxes, uint32_t count) {
-    for (int a = 0; a < 3; a++) {
-        for (uint32_t c = 0; c < count; c++) {
-            bvh->nodes[node].planes[2 * a][c] = boxes[c].lower[a];
-            bvh->nodes[node].planes[2 * a + 1][c] = boxes[c].upper[a];
-        }
-    }
-}
-
 /* Where the first float of a triangle lies in its leaf; the other eight follow at distances of count. */
 HYI_INLINE float *hyi_leaf_lane(const hyi_bvh *bvh, uint32_t first, uint32_t lane) { return bvh->rows + 9u * (size_t)first + lane; }
 
@@ -5659,6 +5660,8 @@ HYI_INLINE float hyi_four_sum(hyi_four a) {
     return _mm_cvtss_f32(_mm_add_ss(_mm_add_ss(a, _mm_shuffle_ps(a, a, 1)), _mm_movehl_ps(a, a)));
 }
 HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { _mm_storeu_si128((__m128i *)(void *)to, _mm_cvttps_epi32(a)); }
+/* What is behind the point. */
+HYI_INLINE hyi_four hyi_four_rest(hyi_four a) { return _mm_sub_ps(a, _mm_cvtepi32_ps(_mm_cvttps_epi32(a))); }
 /* Lanes of x where a < b, elsewhere of y. */
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) {
     __m128 less = _mm_cmplt_ps(a, b);
@@ -5675,8 +5678,8 @@ HYI_INLINE void hyi_four_to_bytes(hyi_four a, hyi_four b, uint8_t *to) {
     _mm_storel_epi64((__m128i *)(void *)to, _mm_packus_epi16(words, words));
 }
 HYI_INLINE void hyi_four_transpose(hyi_four a[4]) { _MM_TRANSPOSE4_PS(a[0], a[1], a[2], a[3]); }
-/* Whether a > b in x, y or z. */
-HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return (_mm_movemask_ps(_mm_cmpgt_ps(a, b)) & 7) != 0; }
+/* Bits of the lanes where a > b. */
+HYI_INLINE uint32_t hyi_four_greater(hyi_four a, hyi_four b) { return (uint32_t)_mm_movemask_ps(_mm_cmpgt_ps(a, b)); }
 
 #elif HYI_NEON
 
@@ -5697,6 +5700,7 @@ HYI_INLINE hyi_four hyi_four_mul(hyi_four a, hyi_four b) { return vmulq_f32(a, b
 HYI_INLINE hyi_four hyi_four_turn(hyi_four a) { return vsetq_lane_f32(vgetq_lane_f32(a, 0), vextq_f32(a, a, 1), 2); }
 HYI_INLINE float hyi_four_sum(hyi_four a) { return vgetq_lane_f32(a, 0) + vgetq_lane_f32(a, 1) + vgetq_lane_f32(a, 2); }
 HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) { vst1q_s32(to, vcvtq_s32_f32(a)); }
+HYI_INLINE hyi_four hyi_four_rest(hyi_four a) { return vsubq_f32(a, vcvtq_f32_s32(vcvtq_s32_f32(a))); }
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) { return vbslq_f32(vcltq_f32(a, b), x, y); }
 HYI_INLINE hyi_four hyi_four_shift(hyi_four before, hyi_four a) { return vextq_f32(before, a, 3); }
 HYI_INLINE void hyi_four_to_bytes(hyi_four a, hyi_four b, uint8_t *to) {
@@ -5709,9 +5713,10 @@ HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
     a[2] = vcombine_f32(vget_high_f32(low.val[0]), vget_high_f32(high.val[0]));
     a[3] = vcombine_f32(vget_high_f32(low.val[1]), vget_high_f32(high.val[1]));
 }
-HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) {
-    uint32x4_t more = vcgtq_f32(a, b);
-    return (vgetq_lane_u32(more, 0) | vgetq_lane_u32(more, 1) | vgetq_lane_u32(more, 2)) != 0u;
+HYI_INLINE uint32_t hyi_four_greater(hyi_four a, hyi_four b) {
+    const uint32_t bits[4] = {1u, 2u, 4u, 8u};
+    uint32x4_t more = vandq_u32(vcgtq_f32(a, b), vld1q_u32(bits));
+    return vgetq_lane_u32(more, 0) | vgetq_lane_u32(more, 1) | vgetq_lane_u32(more, 2) | vgetq_lane_u32(more, 3);
 }
 
 #else
@@ -5760,6 +5765,10 @@ HYI_INLINE float hyi_four_sum(hyi_four a) { return a.f[0] + a.f[1] + a.f[2]; }
 HYI_INLINE void hyi_four_truncate(hyi_four a, int32_t *to) {
     for (int i = 0; i < 4; i++) to[i] = (int32_t)a.f[i];
 }
+HYI_INLINE hyi_four hyi_four_rest(hyi_four a) {
+    for (int i = 0; i < 4; i++) a.f[i] -= (float)(int32_t)a.f[i];
+    return a;
+}
 HYI_INLINE hyi_four hyi_four_pick_less(hyi_four a, hyi_four b, hyi_four x, hyi_four y) {
     for (int i = 0; i < 4; i++) x.f[i] = a.f[i] < b.f[i] ? x.f[i] : y.f[i];
     return x;
@@ -5781,9 +5790,16 @@ HYI_INLINE void hyi_four_transpose(hyi_four a[4]) {
         }
     }
 }
-HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return a.f[0] > b.f[0] || a.f[1] > b.f[1] || a.f[2] > b.f[2]; }
+HYI_INLINE uint32_t hyi_four_greater(hyi_four a, hyi_four b) {
+    uint32_t bits = 0;
+    for (uint32_t i = 0; i < 4u; i++) bits |= a.f[i] > b.f[i] ? 1u << i : 0u;
+    return bits;
+}
 
 #endif
+
+/* Whether a > b in x, y or z. */
+HYI_INLINE bool hyi_four_exceeds(hyi_four a, hyi_four b) { return (hyi_four_greater(a, b) & 7u) != 0u; }
 
 HYI_INLINE hyi_four hyi_four_abs(hyi_four a) { return hyi_four_max(a, hyi_four_sub(hyi_four_all(0.0f), a)); }
 
@@ -5864,6 +5880,16 @@ HYI_INLINE hyi_bounds hyi_bounds_load(const float *lower, const float *upper) {
     return b;
 }
 
+/* Boxes of four children from c on become planes. */
+HYI_INLINE void hyi_node_set_planes(hyi_node *node, uint32_t c, hyi_four lower[4], hyi_four upper[4]) {
+    hyi_four_transpose(lower);
+    hyi_four_transpose(upper);
+    for (uint32_t a = 0; a < 3; a++) {
+        hyi_four_store(&node->planes[2u * a][c], lower[a]);
+        hyi_four_store(&node->planes[2u * a + 1u][c], upper[a]);
+    }
+}
+
 #endif /* HYI_BVH_BUILD_VECTOR_H */
 
 /* >>bvh-build-refs: the primitives of a build: boxes and ids, degenerate triangles dropped */
@@ -5906,9 +5932,11 @@ typedef struct hyi_chunk_sum {
 /* A piece of the curve of a quick build: so many triangles become units, and these clusters. */
 typedef struct hyi_piece {
     hyi_bounds centroids; /* of the clusters */
+    hyi_ref *unit;
     uint32_t units, clusters, first_pair, first_ref;
 } hyi_piece;
 #define HYI_PIECE 1024u
+#define HYI_PIECE_UNITS 576u /* places for the units of a piece: more than most have; those with more get others */
 
 typedef struct hyi_build {
     hydra_context *context;
@@ -5925,15 +5953,22 @@ typedef struct hyi_build {
     uint64_t *keys;           /* in units: codes and references; then what clusters are made of */
     hyi_piece *pieces;
     uint32_t piece_count, unit_count;
-    size_t room;              /* places in the block that begins with refs, and in quick builds goes on with other arrays */
-    void *spare;              /* the end of that */
+    hyi_ref *units;           /* in units: HYI_PIECE_UNITS places for each piece */
+    hyi_ref *crowd;           /* for pieces with more */
+    size_t crowd_count;
+    hyi_ref *small;           /* for units and keys of few triangles */
+    size_t small_count;
+    hyi_ref *block;           /* refs, and in quick builds order before them and room behind */
+    size_t room;              /* its places */
     bool nodes_in_room;       /* nodes, costs and parents lie there as well */
+    bool other_in_room;
     bool best;                /* spatial splits, and reinsertion */
     float scale;
     hyi_ref *refs, *other;    /* other: where ranges are partitioned to */
     hyi_build_node *nodes;
     uint32_t node_capacity;
     struct hyi_cost *costs;   /* of subtrees, by pairs of nodes */
+    union hyi_place_costs *places; /* the same; of builds that are not quick, in places of other that ranges have done with */
     uint32_t *parents;        /* by pairs of nodes; NULL: nobody asks */
     hyi_chunk_sum *chunks;
     uint32_t chunk_count;
@@ -5945,6 +5980,7 @@ typedef struct hyi_build {
     uint32_t wide_task_count, wide_task_capacity;
     hyi_bounds root_box, root_centroids;
     float root_area;
+    float cost;               /* of the tree that was made: see hyi_bvh_cost */
     hyi_bvh *bvh;
 } hyi_build;
 
@@ -5994,6 +6030,24 @@ HYI_INLINE bool hyi_four_is_flat(hyi_four a, hyi_four b, hyi_four c, const float
     return !hyi_four_exceeds(hyi_four_abs(hyi_four_sub(p, q)), doubt) && hyi_triangle_is_degenerate(pa, pb, pc);
 }
 
+/* Bits of those of four triangles, as rows of x, y and z by corner, of which hyi_four_is_flat would ask for more than floats. */
+HYI_INLINE uint32_t hyi_four_maybe_flat(hyi_four a[4], hyi_four b[4], hyi_four c[4]) {
+    const hyi_four share = hyi_four_all(9.5367431640625e-07f), least = hyi_four_all(7.52316384526264e-37f);
+    hyi_four e[3], f[3];
+    uint32_t sure = 0;
+    for (int i = 0; i < 3; i++) {
+        e[i] = hyi_four_sub(b[i], a[i]);
+        f[i] = hyi_four_sub(c[i], a[i]);
+    }
+    for (int i = 0; i < 3; i++) {
+        int next = i == 2 ? 0 : i + 1, last = i == 0 ? 2 : i - 1;
+        hyi_four p = hyi_four_mul(e[next], f[last]), q = hyi_four_mul(e[last], f[next]);
+        hyi_four size = hyi_four_add(hyi_four_abs(p), hyi_four_abs(q));
+        sure |= hyi_four_greater(hyi_four_abs(hyi_four_sub(p, q)), hyi_four_add(hyi_four_mul(size, share), least));
+    }
+    return ~sure & 15u;
+}
+
 /* Corner of triangle id of the source. */
 HYI_INLINE const float *hyi_source_corner(const hyi_build *build, uint32_t id, uint32_t corner) {
     return build->positions + 3u * (size_t)build->indices[3u * (size_t)id + corner];
@@ -6011,6 +6065,54 @@ HYI_INLINE bool hyi_source_box(const hyi_build *build, uint32_t i, hyi_bounds *b
     box->upper = hyi_four_max(hyi_four_max(p, q), r);
     return !hyi_four_is_flat(p, q, r, a, b, c);
 }
+
+/* ---- triangles of leaves, four side by side */
+
+/* By corner: of four triangles in turn, and after hyi_turn_triangles rows of x, y and z; and the last corners as they were. */
+typedef struct hyi_four_triangles {
+    hyi_four corner[3][4], third[4];
+} hyi_four_triangles;
+
+/* Of fewer than four the last stands for those that are not there. */
+HYI_INLINE void hyi_load_triangles(const float *positions, const uint32_t *indices, const uint32_t *ids, uint32_t count, hyi_four_triangles *lanes) {
+    for (uint32_t lane = 0; lane < 4; lane++) {
+        const uint32_t *index = indices + 3u * (size_t)ids[lane < count ? lane : count - 1u];
+        for (uint32_t c = 0; c < 3; c++) lanes->corner[c][lane] = hyi_four_load3(positions + 3u * (size_t)index[c]);
+        lanes->third[lane] = lanes->corner[2][lane];
+    }
+}
+
+HYI_INLINE void hyi_turn_triangles(hyi_four_triangles *lanes) {
+    for (uint32_t c = 0; c < 3; c++) hyi_four_transpose(lanes->corner[c]);
+}
+
+/* rows: of the first lane; stride: triangles of the leaf, which are four or more, or all there. Then rows reach into the next
+   ones, which come later, but for the last three. */
+HYI_INLINE void hyi_store_triangles(const hyi_four_triangles *lanes, uint32_t count, hyi_four scale, float *rows, uint32_t stride) {
+    for (uint32_t r = 0; r < 6; r++) hyi_four_store(rows + r * stride, hyi_four_mul(lanes->corner[r / 3u][r % 3u], scale));
+    if (count == 4u) {
+        for (uint32_t r = 0; r < 3; r++) hyi_four_store(rows + (6u + r) * stride, hyi_four_mul(lanes->corner[2][r], scale));
+    } else {
+        for (uint32_t k = 0; k < count; k++) hyi_four_scatter(hyi_four_mul(lanes->third[k], scale), rows + 6u * stride + k, stride);
+    }
+}
+
+/* Triangles lie anywhere: those in slots behind a leaf's, which are written after it, are asked for, and where their rows go.
+   end: slots from there on are another's, or not there. */
+#define HYI_ASK_AHEAD 40u
+#define HYI_SOURCE_LARGE 32768u /* the cache has fewer triangles than that: they need not be asked for */
+HYI_INLINE void hyi_ask_for_slots(const hyi_bvh *bvh, const float *positions, const uint32_t *indices, uint32_t first, uint32_t count, uint32_t end) {
+    const uint32_t last = end - 1u;
+    for (uint32_t s = first + HYI_ASK_AHEAD; s < first + HYI_ASK_AHEAD + count; s++) {
+        const uint32_t soon = s < last ? s : last, later = s + HYI_ASK_AHEAD < last ? s + HYI_ASK_AHEAD : last;
+        const uint32_t *index = indices + 3u * (size_t)bvh->ids[soon];
+        hyi_prefetch(hyi_leaf_lane(bvh, soon, 0));
+        hyi_prefetch(indices + 3u * (size_t)bvh->ids[later]);
+        for (uint32_t c = 0; c < 3; c++) hyi_prefetch(positions + 3u * (size_t)index[c]);
+    }
+}
+
+/* ---- references */
 
 HYI_INLINE uint32_t hyi_chunks_of(uint32_t count) { return count / HYI_BUILD_CHUNK + (count % HYI_BUILD_CHUNK != 0u); }
 
@@ -6092,29 +6194,47 @@ HYI_FN hyi_sort_shape hyi_shape_of_sort(const hyi_build *build) {
     return shape;
 }
 
-/* A quick build works in one block. The C library gives large ones back to the system unless they come again and again, and
-   fresh pages take up to a sixth of the time of the build. References have an eighth more places than there are triangles,
-   for nodes to take later. Behind keys and their second array, where they are sorted, are the counts of the sort; of all three
-   only the keys stay, and the rest is spare. */
-#define HYI_SPARE_BYTES 27u /* for each triangle: costs and parents where there are nine units for sixteen triangles at most */
+/* The C library gives large blocks back to the system unless they come again and again, and fresh pages take up to a third of
+   the time of a quick build. So it works in what is done with: nodes take the place of the references, and costs and parents
+   come behind them, in pages that stay untouched where there are few units; and before there are rows, the tree's own memory
+   for these has first the keys, with the second array that they are sorted into and the counts of the sort, and then keys and
+   units. Few triangles have too few rows for that. */
+#define HYI_NODE_BYTES 66u /* for each triangle: nodes, costs and parents where there are nine units for sixteen triangles */
 
-HYI_INLINE size_t hyi_quick_refs(uint32_t count) { return (size_t)count + count / 8u + 2u; }
+/* In places for references; even ones are those of cache lines. */
+HYI_INLINE size_t hyi_room_for(size_t bytes) { return (bytes + 2u * sizeof(hyi_ref) - 1u) / (2u * sizeof(hyi_ref)) * 2u; }
+
+HYI_INLINE uint32_t hyi_pieces_of(uint32_t count) { return count / HYI_PIECE + (count % HYI_PIECE != 0u); }
 
 HYI_INLINE size_t hyi_order_places(uint32_t count) { return ((size_t)count + 2u * HYI_LEAF_MAX - 1u) / HYI_LEAF_MAX * HYI_LEAF_MAX; }
 
-HYI_FN size_t hyi_quick_room(const hyi_build *build) {
-    hyi_sort_shape shape = hyi_shape_of_sort(build);
-    size_t count = build->source_count, keys = count * sizeof *build->keys, counts = (size_t)shape.pieces * shape.digits * sizeof(uint32_t);
-    size_t sorting = keys + counts, later = count * HYI_SPARE_BYTES + 64u;
-    size_t bytes = hyi_order_places(build->source_count) * sizeof *build->order + keys + (sorting > later ? sorting : later);
-    return hyi_quick_refs(build->source_count) + count + bytes / sizeof(hyi_ref) + 1u;
+/* Order, and behind it references. */
+HYI_FN hydra_result hyi_place_quick_refs(hyi_build *build) {
+    size_t order = hyi_room_for(hyi_order_places(build->source_count) * sizeof *build->order);
+    build->room = order + hyi_room_for((size_t)build->source_count * HYI_NODE_BYTES);
+    HYI_TRY(hyi_alloc_array(build->context, &build->block, build->room));
+    build->order = (uint32_t *)(void *)build->block;
+    build->refs = build->block + order;
+    return HYDRA_OK;
 }
 
-HYI_FN void hyi_share_room(hyi_build *build) {
-    build->other = build->refs + hyi_quick_refs(build->source_count);
-    build->order = (uint32_t *)(void *)(build->other + build->capacity);
-    build->keys = (uint64_t *)(void *)(build->order + hyi_order_places(build->source_count));
-    build->spare = build->keys + build->source_count;
+/* Rows for as many slots as there are triangles, and in them units and keys. */
+HYI_FN hydra_result hyi_place_rows(hyi_build *build) {
+    hyi_sort_shape shape = hyi_shape_of_sort(build);
+    size_t floats = hyi_bvh_row_floats(build->ref_count), keys = build->ref_count * sizeof *build->keys;
+    size_t sorting = keys + (size_t)shape.pieces * shape.digits * sizeof(uint32_t);
+    size_t units = (size_t)hyi_pieces_of(build->ref_count) * HYI_PIECE_UNITS * sizeof(hyi_ref);
+    size_t first = hyi_room_for(units > sorting ? units : sorting), all = first + hyi_room_for(keys);
+    build->bvh->slot_count = build->ref_count;
+    HYI_TRY(hyi_alloc_array(build->context, &build->bvh->rows, floats));
+    build->units = (hyi_ref *)(void *)build->bvh->rows;
+    if (all * sizeof(hyi_ref) > floats * sizeof(float)) {
+        HYI_TRY(hyi_alloc_array(build->context, &build->small, all));
+        build->small_count = all;
+        build->units = build->small;
+    }
+    build->keys = (uint64_t *)(void *)(build->units + first);
+    return HYDRA_OK;
 }
 
 /* Allocates and fills the references, sets the bounds and the scale, and counts what is kept. Unscaled and without
@@ -6126,9 +6246,13 @@ HYI_FN hydra_result hyi_build_refs(hyi_build *build) {
     build->capacity = build->source_count + (extra < room ? extra : room);
     build->scale = 1.0f;
     HYI_TRY(hyi_alloc_array(build->context, &build->chunks, build->chunk_count));
-    build->room = build->in_units ? hyi_quick_room(build) : build->capacity;
-    HYI_TRY(hyi_alloc_array(build->context, &build->refs, build->room));
-    if (build->in_units) hyi_share_room(build);
+    if (build->in_units) {
+        HYI_TRY(hyi_place_quick_refs(build));
+    } else {
+        build->room = build->capacity;
+        HYI_TRY(hyi_alloc_array(build->context, &build->block, build->room));
+        build->refs = build->block;
+    }
     hyi_spread_chunks(build);
     hyi_parallel(build->context, build->chunk_count, hyi_fill_chunk, build);
     hyi_sum_chunks(build);
@@ -6281,9 +6405,10 @@ HYI_FN void hyi_sort_refs(hyi_build *build) {
     hyi_sort sort;
     sort.build = build;
     sort.shape = hyi_shape_of_sort(build);
-    sort.keys = sort.shape.passes % 2u ? build->keys + build->source_count : build->keys;
-    sort.other = sort.shape.passes % 2u ? build->keys : build->keys + build->source_count;
-    sort.counts = (uint32_t *)(void *)(build->keys + 2u * (size_t)build->source_count);
+    uint64_t *second = (uint64_t *)(void *)build->units;
+    sort.keys = sort.shape.passes % 2u ? second : build->keys;
+    sort.other = sort.shape.passes % 2u ? build->keys : second;
+    sort.counts = (uint32_t *)(void *)(second + build->ref_count);
     sort.shift = 32u;
     hyi_make_curve(&build->root_centroids, &sort.curve);
     hyi_parallel(build->context, sort.shape.pieces, hyi_make_keys, &sort);
@@ -6419,11 +6544,12 @@ HYI_FN void hyi_begin_units(const hyi_build *build, uint32_t begin, hyi_units *u
     }
 }
 
-/* Triangles of a part of the order become units, in the same places of other; returns how many. */
-HYI_NOINLINE uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count) {
+/* Triangles of a part of the order become units; returns how many. Of more than most nothing is kept. */
+HYI_NOINLINE uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t count, hyi_ref *to, uint32_t most) {
+    hyi_ref refs[HYI_PIECE];
     hyi_units u;
     uint32_t before;
-    u.refs = build->other + begin;
+    u.refs = refs;
     u.count = count;
     hyi_begin_units(build, begin, &u);
     do {
@@ -6433,10 +6559,10 @@ HYI_NOINLINE uint32_t hyi_make_units(hyi_build *build, uint32_t begin, uint32_t 
         hyi_choose_merges(&u);
         hyi_merge_units(&u);
     } while (u.count < before - before / HYI_MERGE_FEW);
-    for (uint32_t i = 0; i < u.count; i++) {
-        hyi_bounds box = hyi_ref_box(&u.refs[i]);
-        uint32_t first = (uint32_t)u.refs[i].lower[3], end = (uint32_t)u.refs[i].upper[3];
-        hyi_unit_set(&u.refs[i], &box, begin + first, end - first);
+    for (uint32_t i = 0; i < u.count && u.count <= most; i++) {
+        hyi_bounds box = hyi_ref_box(&refs[i]);
+        uint32_t first = (uint32_t)refs[i].lower[3], end = (uint32_t)refs[i].upper[3];
+        hyi_unit_set(&to[i], &box, begin + first, end - first);
     }
     return u.count;
 }
@@ -6657,6 +6783,7 @@ typedef struct hyi_grid {
     float plane[3][HYI_SPATIAL_BINS + 1u]; /* bin b lies between planes b and b + 1 */
     float scale[3];                        /* 0: no extent along that axis */
     uint32_t count;
+    hyi_four origin, factor, shift;        /* for all axes: a cell's number and what is behind the point; 0.5 without extent */
 } hyi_grid;
 
 typedef struct hyi_corners {
@@ -6717,18 +6844,22 @@ HYI_INLINE void hyi_clip(const hyi_corners *corners, const hyi_bounds *box, int 
 
 HYI_INLINE hyi_grid hyi_make_grid(const hyi_bounds *box, uint32_t count) {
     hyi_grid grid;
-    float lower[3], upper[3];
+    float lower[3], upper[3], factor[4] = {0.0f, 0.0f, 0.0f, 0.0f}, shift[4] = {0.5f, 0.5f, 0.5f, 0.5f};
     hyi_bounds_store(box, lower, upper);
     grid.count = count < 256u ? HYI_SPATIAL_BINS / 2u : HYI_SPATIAL_BINS;
     for (int a = 0; a < 3; a++) {
         float extent = upper[a] - lower[a], size = fabsf(lower[a]) > fabsf(upper[a]) ? fabsf(lower[a]) : fabsf(upper[a]);
         /* cells must be wider than the slop */
         bool usable = extent > 1.0e-30f && extent > 1024.0f * HYI_SPATIAL_SLOP * size;
-        grid.scale[a] = usable ? (float)grid.count / extent : 0.0f;
+        grid.scale[a] = factor[a] = usable ? (float)grid.count / extent : 0.0f;
+        if (usable) shift[a] = 0.0f;
         for (uint32_t b = 0; b <= grid.count; b++) {
             grid.plane[a][b] = hyi_rounded(lower[a] + hyi_rounded(extent * ((float)b / (float)grid.count)));
         }
     }
+    grid.origin = hyi_four_make(lower[0], lower[1], lower[2]);
+    grid.factor = hyi_four_load(factor);
+    grid.shift = hyi_four_load(shift);
     return grid;
 }
 
@@ -6747,6 +6878,22 @@ HYI_INLINE uint32_t hyi_grid_end(const hyi_grid *grid, int axis, uint32_t begin,
     while (bin > (int32_t)begin && upper <= grid->plane[axis][bin]) bin--;
     while (bin < last && upper > grid->plane[axis][bin + 1]) bin++;
     return (uint32_t)bin;
+}
+
+/* Both for all axes at once. false: it takes a look at the planes. Those are off their places by less than 2^-24 of the largest
+   coordinate and of the extent, a number of a cell by 2^-22 of itself: where there is an extent, all of it comes to less than
+   2^-9 of a cell. */
+#define HYI_GRID_DOUBT 0.00390625f /* 2^-8 */
+HYI_INLINE bool hyi_grid_bins(const hyi_grid *grid, const hyi_bounds *box, int32_t begin[4], int32_t end[4]) {
+    const hyi_four least = hyi_four_all(HYI_GRID_DOUBT), most = hyi_four_all(1.0f - HYI_GRID_DOUBT);
+    hyi_four low = hyi_four_add(hyi_four_mul(hyi_four_sub(box->lower, grid->origin), grid->factor), grid->shift);
+    hyi_four high = hyi_four_add(hyi_four_mul(hyi_four_sub(box->upper, grid->origin), grid->factor), grid->shift);
+    hyi_four low_rest = hyi_four_rest(low), high_rest = hyi_four_rest(high);
+    uint32_t sure = hyi_four_greater(hyi_four_min(low_rest, high_rest), least) & hyi_four_greater(most, hyi_four_max(low_rest, high_rest));
+    sure &= hyi_four_greater(hyi_four_all((float)grid->count), high);
+    hyi_four_truncate(low, begin);
+    hyi_four_truncate(high, end);
+    return (sure & 7u) == 7u;
 }
 
 /* One loop for each array: of loops over several, gcc 12 at -O1 loses stores (its induction variables take the address
@@ -6771,34 +6918,52 @@ HYI_INLINE void hyi_spatial_chop(hyi_spatial_bins *bins, const hyi_grid *grid, c
     if (!hyi_bounds_are_empty(&rest)) hyi_bounds_add(&bins->box[axis][end], rest.lower, rest.upper);
 }
 
-HYI_FN void hyi_spatial_fill(hyi_spatial_bins *bins, const hyi_build *build, const hyi_grid *grid, const hyi_ref *refs, uint32_t count) {
-    for (uint32_t i = 0; i < count; i++) {
-        const hyi_ref *ref = &refs[i];
-        hyi_bounds box = hyi_ref_box(ref);
-        hyi_corners corners;
-        bool loaded = false;
-        for (int a = 0; a < 3; a++) {
-            if (!(grid->scale[a] > 0.0f)) continue;
-            uint32_t begin = hyi_grid_begin(grid, a, ref->lower[a]), end = hyi_grid_end(grid, a, begin, ref->upper[a]);
-            bins->begins[a][begin]++;
-            bins->ends[a][end]++;
-            if (begin == end) {
-                hyi_bounds_add(&bins->box[a][begin], box.lower, box.upper);
-                continue;
-            }
-            if (!loaded) hyi_load_corners(build, hyi_ref_id(ref), &corners);
-            loaded = true;
-            hyi_spatial_chop(bins, grid, &corners, box, a, begin, end);
-        }
-    }
-}
-
 HYI_FN void hyi_spatial_merge(hyi_spatial_bins *bins, const hyi_spatial_bins *more, const hyi_grid *grid) {
     for (int a = 0; a < 3; a++) {
         for (uint32_t b = 0; b < grid->count; b++) hyi_bounds_add(&bins->box[a][b], more->box[a][b].lower, more->box[a][b].upper);
         for (uint32_t b = 0; b < grid->count; b++) bins->begins[a][b] += more->begins[a][b];
         for (uint32_t b = 0; b < grid->count; b++) bins->ends[a][b] += more->ends[a][b];
     }
+}
+
+HYI_INLINE void hyi_spatial_add(hyi_spatial_bins *bins, const hyi_build *build, const hyi_grid *grid, const hyi_ref *ref) {
+    hyi_bounds box = hyi_ref_box(ref);
+    hyi_corners corners;
+    int32_t begin[4], end[4];
+    bool loaded = false, sure = hyi_grid_bins(grid, &box, begin, end);
+    for (int a = 0; a < 3; a++) {
+        if (!(grid->scale[a] > 0.0f)) continue;
+        uint32_t first = (uint32_t)begin[a], last = (uint32_t)end[a];
+        if (HYI_UNLIKELY(!sure)) {
+            first = hyi_grid_begin(grid, a, ref->lower[a]);
+            last = hyi_grid_end(grid, a, first, ref->upper[a]);
+        }
+        bins->begins[a][first]++;
+        bins->ends[a][last]++;
+        if (first == last) {
+            hyi_bounds_add(&bins->box[a][first], box.lower, box.upper);
+            continue;
+        }
+        if (!loaded) hyi_load_corners(build, hyi_ref_id(ref), &corners);
+        loaded = true;
+        hyi_spatial_chop(bins, grid, &corners, box, a, first, last);
+    }
+}
+
+/* Every other one of many has its own bins: see hyi_bins_fill. */
+HYI_FN void hyi_spatial_fill(hyi_spatial_bins *bins, const hyi_build *build, const hyi_grid *grid, const hyi_ref *refs, uint32_t count) {
+    hyi_spatial_bins odd;
+    uint32_t i = 0;
+    hyi_spatial_clear(bins, grid);
+    if (count >= HYI_BINS_PAIRED) {
+        hyi_spatial_clear(&odd, grid);
+        for (; i + 1u < count; i += 2u) {
+            hyi_spatial_add(bins, build, grid, &refs[i]);
+            hyi_spatial_add(&odd, build, grid, &refs[i + 1u]);
+        }
+        hyi_spatial_merge(bins, &odd, grid);
+    }
+    for (; i < count; i++) hyi_spatial_add(bins, build, grid, &refs[i]);
 }
 
 HYI_FN void hyi_spatial_best_on_axis(const hyi_spatial_bins *bins, const hyi_grid *grid, int axis, hyi_split *best) {
@@ -7068,19 +7233,21 @@ HYI_FN void hyi_split_middle(hyi_build *build, const hyi_range *range, hyi_range
 
 #define HYI_COUNT_MANY 64u
 
-/* Of a node with children, kept by the pair that these are. After the collapse has met a node that becomes a wide one, its
-   children stand here instead. */
+/* Of a node with children, kept by the pair that these are. */
 typedef struct hyi_cost {
-    union {
-        float in_places[HYI_WIDTH];   /* least cost in 1 to 8 places, or fewer */
-        uint32_t members[HYI_WIDTH];
-    } as;
-    uint8_t left[HYI_WIDTH];          /* of 2 to 8 places, those for the left child; 0: one place less does as well; the last is not read */
-    uint8_t tips;                     /* leaves of the binary tree, up to HYI_WIDTH; 0: costs are not known; children */
-    uint8_t count;                    /* references, up to HYI_COUNT_MANY */
-    bool leaf;                        /* in one place: whether as a leaf */
-    uint8_t height;                   /* levels below */
+    uint8_t left[HYI_WIDTH]; /* of 2 to 8 places, those for the left child; 0: one place less does as well; the last is not read */
+    uint8_t tips;            /* leaves of the binary tree, up to HYI_WIDTH; 0: costs are not known; children */
+    uint8_t count;           /* references, up to HYI_COUNT_MANY */
+    bool leaf;               /* in one place: whether as a leaf */
+    uint8_t height;          /* levels below */
 } hyi_cost;
+
+/* The same. After the collapse has met a node that becomes a wide one, its children stand here instead. */
+typedef union hyi_place_costs {
+    float cost[HYI_WIDTH];      /* least in 1 to 8 places, or fewer */
+    uint32_t member[HYI_WIDTH];
+} hyi_place_costs;
+HYI_STATIC_ASSERT(sizeof(hyi_place_costs) == sizeof(hyi_ref));
 #define HYI_COST_NONE 1.0e37f
 
 HYI_INLINE float hyi_node_area(const hyi_build_node *node) {
@@ -7092,6 +7259,8 @@ HYI_INLINE float hyi_leaf_cost(float area, uint32_t count) { return area * (HYI_
 
 HYI_INLINE hyi_cost *hyi_cost_at(const hyi_build *build, const hyi_build_node *node) { return &build->costs[node->first / 2u]; }
 
+HYI_INLINE hyi_place_costs *hyi_places_at(const hyi_build *build, const hyi_build_node *node) { return &build->places[node->first / 2u]; }
+
 /* Levels below a node. */
 HYI_INLINE uint32_t hyi_height_of(const hyi_build *build, const hyi_build_node *node) {
     return hyi_build_is_leaf(node) ? 0u : hyi_cost_at(build, node)->height;
@@ -7099,7 +7268,7 @@ HYI_INLINE uint32_t hyi_height_of(const hyi_build *build, const hyi_build_node *
 
 /* What cutting up a subtree into places needs to know of it. */
 typedef struct hyi_shareable {
-    hyi_four low, high; /* hyi_cost's in_places */
+    hyi_four low, high; /* hyi_place_costs */
     uint32_t tips, count, height;
 } hyi_shareable;
 
@@ -7112,8 +7281,9 @@ HYI_INLINE hyi_shareable hyi_share_of(const hyi_build *build, const hyi_build_no
         share.height = 0;
     } else {
         const hyi_cost *cost = hyi_cost_at(build, node);
-        share.low = hyi_four_load(cost->as.in_places);
-        share.high = hyi_four_load(cost->as.in_places + 4);
+        const hyi_place_costs *places = hyi_places_at(build, node);
+        share.low = hyi_four_load(places->cost);
+        share.high = hyi_four_load(places->cost + 4);
         share.tips = cost->tips;
         share.count = cost->count;
         share.height = cost->height;
@@ -7148,19 +7318,20 @@ HYI_INLINE hyi_sharing hyi_best_sharing(const hyi_shareable *few, const hyi_shar
 
 /* The least costs of all places, from those of one place and of just so many; and where one place less does not do as well,
    how many of them the left child gets. */
-HYI_INLINE void hyi_set_places(hyi_cost *cost, const hyi_sharing *best, hyi_four one, hyi_four left_low, hyi_four left_high) {
+HYI_INLINE void hyi_set_places(hyi_cost *cost, hyi_place_costs *places, const hyi_sharing *best, hyi_four one, hyi_four left_low, hyi_four left_high) {
     const hyi_four none = hyi_four_all(0.0f);
     hyi_four low = hyi_four_shift(one, best->low), high = hyi_four_shift(best->low, best->high);
     low = hyi_four_min(low, hyi_four_shift(one, low));
     low = hyi_four_min(low, hyi_four_shift(one, hyi_four_shift(one, low)));
     high = hyi_four_min(high, hyi_four_shift(low, high));
     high = hyi_four_min(high, hyi_four_shift(low, hyi_four_shift(low, high)));
-    hyi_four_store(cost->as.in_places, low);
-    hyi_four_store(cost->as.in_places + 4, high);
+    hyi_four_store(places->cost, low);
+    hyi_four_store(places->cost + 4, high);
     hyi_four_to_bytes(hyi_four_pick_less(best->low, low, left_low, none), hyi_four_pick_less(best->high, high, left_high, none), cost->left);
 }
 
-HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node, hyi_cost *cost) {
+HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node) {
+    hyi_cost *cost = hyi_cost_at(build, node);
     const float low_places[4] = {2.0f, 3.0f, 4.0f, 5.0f}, high_places[4] = {6.0f, 7.0f, 8.0f, 9.0f};
     const hyi_build_node *children = &build->nodes[node->first];
     hyi_shareable left = hyi_share_of(build, &children[0]), right = hyi_share_of(build, &children[1]);
@@ -7174,7 +7345,7 @@ HYI_FN void hyi_cost_of_inner(const hyi_build *build, const hyi_build_node *node
     hyi_four_store(shares, left_high);
     float wide = area * HYI_COST_NODE + shared[HYI_WIDTH - 6u], leaf = count <= build->leaf_max ? hyi_leaf_cost(area, count) : FLT_MAX;
     cost->leaf = leaf <= wide;
-    hyi_set_places(cost, &best, hyi_four_all(cost->leaf ? leaf : wide), left_low, left_high);
+    hyi_set_places(cost, hyi_places_at(build, node), &best, hyi_four_all(cost->leaf ? leaf : wide), left_low, left_high);
     cost->left[HYI_WIDTH - 2u] = (uint8_t)shares[HYI_WIDTH - 6u];
     cost->tips = (uint8_t)(tips < HYI_WIDTH ? tips : HYI_WIDTH);
     cost->count = (uint8_t)(count < HYI_COUNT_MANY ? count : HYI_COUNT_MANY);
@@ -7189,7 +7360,7 @@ HYI_INLINE void hyi_cost_of(const hyi_build *build, uint32_t at) {
     left = &build->nodes[node->first];
     right = left + 1;
     if (build->in_units) node->count = HYI_BUILD_INNER | ((left->count & ~HYI_BUILD_INNER) + (right->count & ~HYI_BUILD_INNER));
-    hyi_cost_of_inner(build, node, hyi_cost_at(build, node));
+    hyi_cost_of_inner(build, node);
 }
 
 /* Those above the tasks: what has more references than these. Goes no deeper than HYI_TREE_DEPTH. */
@@ -7199,6 +7370,36 @@ HYI_FN void hyi_cost_above(const hyi_build *build, uint32_t at) {
     hyi_cost_above(build, node->first);
     hyi_cost_above(build, node->first + 1u);
     hyi_cost_of(build, at);
+}
+
+/* ---- of the tree that was made */
+
+/* What visiting a child adds to the cost of a tree, by the share of rays that come there. */
+HYI_INLINE float hyi_child_cost(uint32_t child) {
+    return hyi_child_is_leaf(child) ? HYI_COST_LEAF + HYI_COST_TRIANGLE * (float)hyi_leaf_count(child) : HYI_COST_NODE;
+}
+
+/* areas: the sum of hyi_child_cost times area over all children. The unit is the visit of a node. */
+HYI_INLINE float hyi_relative_cost(const hyi_bvh *bvh, double areas, double area) {
+    return (float)(((double)hyi_child_cost(bvh->root) + (area > 0.0 ? areas / area : 0.0)) / (double)HYI_COST_NODE);
+}
+
+/* What the children of a node add to that sum. Who is not there has an area of 0. */
+HYI_INLINE double hyi_node_areas(const hyi_node *node) {
+    hyi_four sum = hyi_four_all(0.0f);
+    float lanes[4];
+    for (uint32_t c = 0; c < HYI_WIDTH; c += 4u) {
+        hyi_four size[3];
+        float cost[4];
+        for (uint32_t a = 0; a < 3; a++) {
+            hyi_four extent = hyi_four_sub(hyi_four_load(&node->planes[2u * a + 1u][c]), hyi_four_load(&node->planes[2u * a][c]));
+            size[a] = hyi_four_max(extent, hyi_four_all(0.0f));
+        }
+        for (uint32_t k = 0; k < 4; k++) cost[k] = hyi_child_cost(node->child[c + k]);
+        sum = hyi_four_add(sum, hyi_four_mul(hyi_four_surface(size[0], size[1], size[2]), hyi_four_load(cost)));
+    }
+    hyi_four_store(lanes, sum);
+    return (double)lanes[0] + (double)lanes[1] + (double)lanes[2] + (double)lanes[3];
 }
 
 #endif /* HYI_BVH_BUILD_COST_H */
@@ -7317,13 +7518,13 @@ HYI_FN void hyi_merge_partners(hyi_clusters *c, uint32_t *merges) {
         uint32_t with = (uint32_t)((int32_t)i + c->partner[i]), height = c->heights[i], other = c->heights[with];
         uint32_t higher = other > height ? other : height;
         uint32_t mutual = (uint32_t)(c->partner[with] == -c->partner[i]) & (uint32_t)(higher < HYI_CLUSTER_HEIGHT);
-        uint32_t merge = mutual & (uint32_t)(with > i);
-        const hyi_ref *first = &c->refs[i], *second = &c->refs[merge ? with : i];
+        uint32_t merge = mutual & (uint32_t)(with > i), all = 0u - merge;
+        const hyi_ref *first = &c->refs[i], *second = &c->refs[i + ((with - i) & all)];
         hyi_bounds box = hyi_ref_box(first), more = hyi_ref_box(second);
         uint32_t id = hyi_ref_id(first);
         merges[c->merges] = hyi_ref_id(second) << 16 | id;
         hyi_bounds_add(&box, more.lower, more.upper);
-        hyi_unit_set(&c->refs[left], &box, merge ? HYI_CLUSTER_INNER | c->merges : id, merge ? higher + 1u : height);
+        hyi_unit_set(&c->refs[left], &box, id ^ ((id ^ (HYI_CLUSTER_INNER | c->merges)) & all), height + ((higher + 1u - height) & all));
         c->merges += merge;
         left += 1u - (mutual & (uint32_t)(with < i));
     }
@@ -7360,18 +7561,45 @@ HYI_INLINE uint32_t *hyi_piece_roots(const hyi_build *build, uint32_t piece) {
     return hyi_piece_merges(build, piece) + (left < HYI_PIECE ? left : HYI_PIECE);
 }
 
-HYI_FN void hyi_make_piece(void *argument, uint32_t index) {
-    hyi_build *build = (hyi_build *)argument;
+/* With places for most units; with fewer than it takes, nothing comes of it but their number. */
+HYI_FN void hyi_try_piece(hyi_build *build, uint32_t index, uint32_t most) {
     hyi_piece *piece = &build->pieces[index];
     uint32_t begin = index * HYI_PIECE, left = build->primitive_count - begin;
-    piece->units = hyi_make_units(build, begin, left < HYI_PIECE ? left : HYI_PIECE);
-    hyi_cluster_units(build->other + begin, piece, hyi_piece_merges(build, index), hyi_piece_roots(build, index));
+    piece->units = hyi_make_units(build, begin, left < HYI_PIECE ? left : HYI_PIECE, piece->unit, most);
+    if (piece->units <= most) hyi_cluster_units(piece->unit, piece, hyi_piece_merges(build, index), hyi_piece_roots(build, index));
+}
+
+HYI_FN void hyi_make_piece(void *argument, uint32_t index) {
+    hyi_build *build = (hyi_build *)argument;
+    build->pieces[index].unit = build->units + (size_t)index * HYI_PIECE_UNITS;
+    hyi_try_piece(build, index, HYI_PIECE_UNITS);
+}
+
+HYI_FN void hyi_make_crowded_piece(void *argument, uint32_t index) {
+    hyi_build *build = (hyi_build *)argument;
+    if (build->pieces[index].units > HYI_PIECE_UNITS) hyi_try_piece(build, index, HYI_PIECE);
+}
+
+/* Once more those whose units were too many for their places. */
+HYI_FN hydra_result hyi_make_crowded_pieces(hyi_build *build) {
+    size_t at = 0;
+    for (uint32_t p = 0; p < build->piece_count; p++) build->crowd_count += build->pieces[p].units > HYI_PIECE_UNITS ? HYI_PIECE : 0u;
+    if (build->crowd_count == 0) return HYDRA_OK;
+    HYI_TRY(hyi_alloc_array(build->context, &build->crowd, build->crowd_count));
+    for (uint32_t p = 0; p < build->piece_count; p++) {
+        if (build->pieces[p].units <= HYI_PIECE_UNITS) continue;
+        build->pieces[p].unit = build->crowd + at;
+        at += HYI_PIECE;
+    }
+    hyi_parallel(build->context, build->piece_count, hyi_make_crowded_piece, build);
+    return HYDRA_OK;
 }
 
 /* Gives each piece its places. */
-HYI_FN void hyi_make_pieces(hyi_build *build) {
+HYI_FN hydra_result hyi_make_pieces(hyi_build *build) {
     uint32_t merges = 0;
     hyi_parallel(build->context, build->piece_count, hyi_make_piece, build);
+    HYI_TRY(hyi_make_crowded_pieces(build));
     build->ref_count = 0;
     for (uint32_t p = 0; p < build->piece_count; p++) {
         hyi_piece *piece = &build->pieces[p];
@@ -7382,16 +7610,17 @@ HYI_FN void hyi_make_pieces(hyi_build *build) {
     }
     for (uint32_t p = 0; p < build->piece_count; p++) build->pieces[p].first_pair += build->ref_count - 1u;
     build->unit_count = build->ref_count + merges;
+    return HYDRA_OK;
 }
 
 /* References become units, and these clusters; references are then to clusters, without boxes yet. */
 HYI_FN hydra_result hyi_build_units(hyi_build *build) {
     uint32_t count = build->primitive_count = build->ref_count;
+    HYI_TRY(hyi_place_rows(build));
     hyi_sort_refs(build);
-    build->piece_count = (count + HYI_PIECE - 1u) / HYI_PIECE;
+    build->piece_count = hyi_pieces_of(count);
     HYI_TRY(hyi_alloc_array(build->context, &build->pieces, build->piece_count));
-    hyi_make_pieces(build);
-    return HYDRA_OK;
+    return hyi_make_pieces(build);
 }
 
 /* ---- their place in the binary tree */
@@ -7455,7 +7684,7 @@ HYI_INLINE hyi_bounds hyi_set_root(const hyi_build *build, const hyi_piece *piec
 HYI_FN void hyi_place_piece(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
     hyi_piece *piece = &build->pieces[index];
-    const hyi_ref *units = build->other + (size_t)index * HYI_PIECE;
+    const hyi_ref *units = piece->unit;
     const uint32_t *merges = hyi_piece_merges(build, index), *roots = hyi_piece_roots(build, index);
     hyi_bounds centroids = hyi_bounds_empty();
     for (uint32_t m = 0; m < piece->units - piece->clusters; m++) {
@@ -7524,7 +7753,6 @@ HYI_FN hyi_split hyi_choose_split(hyi_build *build, hyi_small *work, const hyi_r
     hyi_split split = hyi_best_split(&work->bins, binning);
     if (!hyi_spatial_pays(build, range, &split)) return split;
     hyi_grid grid = hyi_make_grid(&range->box, range->count);
-    hyi_spatial_clear(&work->spatial, &grid);
     hyi_spatial_fill(&work->spatial, build, &grid, refs, range->count);
     hyi_split spatial = hyi_spatial_best(&work->spatial, &grid);
     return hyi_spatial_is_better(&spatial, &split) ? spatial : split;
@@ -7632,7 +7860,6 @@ HYI_FN void hyi_spatial_chunk(void *argument, uint32_t chunk) {
     hyi_large *large = (hyi_large *)argument;
     uint32_t begin = chunk * HYI_BUILD_CHUNK, end = hyi_chunk_end(chunk, large->range.count);
     hyi_spatial_bins *bins = &large->build->chunk_splits[chunk].spatial;
-    hyi_spatial_clear(bins, &large->grid);
     hyi_spatial_fill(bins, large->build, &large->grid, large->from + begin, end - begin);
 }
 
@@ -7833,15 +8060,17 @@ HYI_FN hydra_result hyi_cut_tasks(hyi_build *build) {
     }
 }
 
-/* Whether quick builds have places left for nodes: those of the references that units were made of, behind the ones to
-   clusters, each pair in one cache line. Then there are nine units for sixteen triangles at most, and what is kept by pairs
-   fits into the spare bytes. */
-HYI_STATIC_ASSERT(9u * (sizeof(hyi_cost) + sizeof(uint32_t)) <= 16u * HYI_SPARE_BYTES);
+/* Whether quick builds have room left for nodes: that of the references that units were made of, behind the ones to clusters,
+   each pair in one cache line; and for what is kept by pairs, behind the nodes. */
+HYI_STATIC_ASSERT(9u * (2u * sizeof(hyi_build_node) + sizeof(hyi_place_costs) + sizeof(hyi_cost) + sizeof(uint32_t)) <= 16u * HYI_NODE_BYTES);
 HYI_FN bool hyi_nodes_in_room(hyi_build *build, uint32_t pairs) {
-    size_t first = ((size_t)build->ref_count + 1u) / 2u * 2u;
-    if (first + build->node_capacity > hyi_quick_refs(build->source_count)) return false;
-    build->nodes = (hyi_build_node *)(void *)(build->refs + first);
-    build->costs = (hyi_cost *)build->spare;
+    size_t clusters = ((size_t)build->ref_count + 1u) / 2u * 2u, room = build->room - (size_t)(build->refs - build->block);
+    size_t bytes = (clusters + 2u * ((size_t)pairs + 1u)) * sizeof(hyi_ref) + ((size_t)pairs + 1u) * sizeof *build->parents;
+    bytes += pairs * (sizeof *build->places + sizeof *build->costs);
+    if (bytes > room * sizeof(hyi_ref)) return false;
+    build->nodes = (hyi_build_node *)(void *)(build->refs + clusters);
+    build->places = (hyi_place_costs *)(void *)(build->nodes + 2u * ((size_t)pairs + 1u));
+    build->costs = (hyi_cost *)(void *)(build->places + pairs);
     build->parents = (uint32_t *)(void *)(build->costs + pairs);
     return true;
 }
@@ -7854,16 +8083,26 @@ HYI_FN hydra_result hyi_place_nodes(hyi_build *build) {
     if (!build->nodes_in_room) {
         HYI_TRY(hyi_alloc_array(build->context, &build->nodes, build->node_capacity));
         HYI_TRY(hyi_alloc_array(build->context, &build->costs, pairs));
+        if (build->in_units) HYI_TRY(hyi_alloc_array(build->context, &build->places, pairs));
         if (build->positions) HYI_TRY(hyi_alloc_array(build->context, &build->parents, (size_t)pairs + 1u));
     }
     if (build->parents) build->parents[pairs] = UINT32_MAX; /* of the root */
     return HYDRA_OK;
 }
 
+/* Room to partition in: in quick builds that of the units, which have become nodes by then. */
+HYI_FN hydra_result hyi_place_other(hyi_build *build) {
+    build->other_in_room = build->in_units && build->ref_count <= build->piece_count * HYI_PIECE_UNITS;
+    build->other = build->units;
+    if (!build->other_in_room) HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
+    if (!build->in_units) build->places = (hyi_place_costs *)(void *)build->other;
+    return HYDRA_OK;
+}
+
 /* The binary tree over all references; its root is the last node. */
 HYI_FN hydra_result hyi_build_tree(hyi_build *build) {
     HYI_TRY(hyi_place_nodes(build));
-    if (!build->other) HYI_TRY(hyi_alloc_array(build->context, &build->other, build->capacity));
+    HYI_TRY(hyi_place_other(build));
     if (build->ref_count > HYI_BUILD_LARGE) {
         build->chunk_split_count = hyi_chunks_of(build->capacity);
         HYI_TRY(hyi_alloc_array(build->context, &build->chunk_splits, build->chunk_split_count));
@@ -8129,13 +8368,13 @@ HYI_INLINE uint32_t hyi_wide_task_size(const hyi_build *build) {
 typedef struct hyi_family {
     uint32_t count, inner;
     uint32_t member[HYI_WIDTH];
-    float area[HYI_WIDTH];
 } hyi_family;
 
 /* A subtree that one thread writes: its root has its place, its own nodes and slots lie from first on. */
 typedef struct hyi_wide_task {
     uint32_t binary, place, level;
     uint32_t first_node, nodes, first_slot, slots, depth;
+    double areas; /* see hyi_relative_cost */
 } hyi_wide_task;
 
 /* A walk over the wide tree, which counts, and then writes. */
@@ -8143,6 +8382,7 @@ typedef struct hyi_wide_walk {
     hyi_build *build;
     bool writes, collects; /* collects: leaves subtrees to tasks */
     uint32_t next_node, next_slot, next_task, depth;
+    double areas; /* of nodes written */
 } hyi_wide_walk;
 
 HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t at) {
@@ -8150,51 +8390,87 @@ HYI_INLINE bool hyi_becomes_leaf(const hyi_build *build, uint32_t at) {
     return hyi_build_is_leaf(node) || hyi_cost_at(build, node)->leaf;
 }
 
-/* Keeps the order: largest surface first, then who came first. */
-HYI_FN void hyi_family_add(hyi_family *family, const hyi_build *build, uint32_t node) {
-    float area = hyi_node_area(&build->nodes[node]);
-    uint32_t at = family->count++, leaf = hyi_becomes_leaf(build, node) ? HYI_MEMBER_LEAF : 0u;
-    for (; at > 0 && family->area[at - 1u] < area; at--) {
-        family->area[at] = family->area[at - 1u];
-        family->member[at] = family->member[at - 1u];
+/* A subtree, and in how many places of a node it goes. */
+typedef struct hyi_share {
+    uint32_t node, places;
+} hyi_share;
+
+/* The members of a node's family from left to right; returns how many. */
+HYI_FN uint32_t hyi_share_out(const hyi_build *build, uint32_t node, uint32_t member[HYI_WIDTH]) {
+    hyi_share list[HYI_WIDTH];
+    uint32_t waiting = 2, count = 0, left = hyi_cost_at(build, &build->nodes[node])->left[HYI_WIDTH - 2u];
+    list[0].node = build->nodes[node].first + 1u;
+    list[0].places = HYI_WIDTH - left;
+    list[1].node = list[0].node - 1u;
+    list[1].places = left;
+    while (waiting > 0) {
+        hyi_share share = list[--waiting];
+        const hyi_build_node *from = &build->nodes[share.node];
+        if (hyi_build_is_leaf(from)) {
+            member[count++] = share.node | HYI_MEMBER_LEAF;
+            continue;
+        }
+        const hyi_cost *cost = hyi_cost_at(build, from);
+        while (share.places > 1u && cost->left[share.places - 2u] == 0) share.places--;
+        if (share.places == 1u) {
+            member[count++] = share.node | (cost->leaf ? HYI_MEMBER_LEAF : 0u);
+            continue;
+        }
+        left = cost->left[share.places - 2u];
+        list[waiting].node = from->first + 1u;
+        list[waiting++].places = share.places - left;
+        list[waiting].node = from->first;
+        list[waiting++].places = left;
     }
-    family->area[at] = area;
-    family->member[at] = node | leaf;
-    family->inner += leaf ? 0u : 1u;
+    return count;
 }
 
-/* Puts a subtree into up to places children. */
-HYI_FN void hyi_family_share(hyi_family *family, const hyi_build *build, uint32_t node, uint32_t places) {
-    const hyi_build_node *from = &build->nodes[node];
-    if (hyi_build_is_leaf(from)) places = 1;
-    while (places > 1u && hyi_cost_at(build, from)->left[places - 2u] == 0) places--;
-    if (places == 1u) {
-        hyi_family_add(family, build, node);
-        return;
+/* Largest surface first, then who came first. No branch on the surfaces, which nobody can guess. */
+HYI_FN void hyi_order_family(hyi_family *family, const hyi_build *build, const uint32_t *member, uint32_t count) {
+    float area[HYI_WIDTH];
+    uint32_t place[HYI_WIDTH];
+    for (uint32_t i = 0; i < HYI_WIDTH; i++) {
+        area[i] = i < count ? hyi_node_area(&build->nodes[member[i] & ~HYI_MEMBER_LEAF]) : -1.0f;
+        place[i] = 0;
     }
-    uint32_t left = hyi_cost_at(build, from)->left[places - 2u];
-    hyi_family_share(family, build, from->first, left);
-    hyi_family_share(family, build, from->first + 1u, places - left);
+    for (uint32_t i = 1; i < HYI_WIDTH; i++) {
+        for (uint32_t j = 0; j < i; j++) {
+            uint32_t before = area[j] < area[i] ? 1u : 0u;
+            place[j] += before;
+            place[i] += 1u - before;
+        }
+    }
+    family->count = count;
+    family->inner = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        family->member[place[i]] = member[i];
+        family->inner += 1u - member[i] / HYI_MEMBER_LEAF;
+    }
 }
 
 /* Finds the children of a wide node, and keeps them where its costs were, which nobody asks for any more. */
 HYI_FN void hyi_gather_family(hyi_build *build, uint32_t node, hyi_family *family) {
     hyi_cost *cost = hyi_cost_at(build, &build->nodes[node]);
-    uint32_t left = cost->left[HYI_WIDTH - 2u];
-    family->count = family->inner = 0;
-    hyi_family_share(family, build, build->nodes[node].first, left);
-    hyi_family_share(family, build, build->nodes[node].first + 1u, HYI_WIDTH - left);
-    memcpy(cost->as.members, family->member, sizeof family->member);
+    uint32_t member[HYI_WIDTH];
+    hyi_order_family(family, build, member, hyi_share_out(build, node, member));
+    memcpy(hyi_places_at(build, &build->nodes[node])->member, family->member, sizeof family->member);
     cost->tips = (uint8_t)family->count;
 }
 
 /* The same once more. */
 HYI_FN void hyi_recall_family(const hyi_build *build, uint32_t node, hyi_family *family) {
     const hyi_cost *cost = hyi_cost_at(build, &build->nodes[node]);
-    memcpy(family->member, cost->as.members, sizeof family->member);
+    memcpy(family->member, hyi_places_at(build, &build->nodes[node])->member, sizeof family->member);
     family->count = cost->tips;
     family->inner = 0;
     for (uint32_t c = 0; c < family->count; c++) family->inner += 1u - family->member[c] / HYI_MEMBER_LEAF;
+}
+
+/* Of a node that comes next. */
+HYI_INLINE void hyi_ask_for_family(const hyi_build *build, uint32_t node) {
+    const uint32_t *member = hyi_places_at(build, &build->nodes[node])->member;
+    uint32_t count = hyi_cost_at(build, &build->nodes[node])->tips;
+    for (uint32_t i = 0; i < count; i++) hyi_prefetch(&build->nodes[member[i] & ~HYI_MEMBER_LEAF]);
 }
 
 /* ---- leaves */
@@ -8220,41 +8496,47 @@ HYI_FN uint32_t hyi_gather_leaf(const hyi_build *build, uint32_t node, uint32_t 
     return count;
 }
 
-/* The nine floats of a triangle, each in its row. */
-HYI_INLINE void hyi_write_lane(const hyi_build *build, uint32_t id, float *row, uint32_t count) {
-    const uint32_t *index = build->indices + 3u * (size_t)id;
-    for (uint32_t corner = 0; corner < 3; corner++) {
-        hyi_four p = hyi_four_load3(build->positions + 3u * (size_t)index[corner]);
-        hyi_four_scatter(hyi_four_mul(p, hyi_four_all(build->scale)), row + 3u * corner * count, count);
-    }
-}
-
-/* Triangles lie anywhere: those of a node's leaves are asked for together, unless the cache has so few of them. */
-#define HYI_SOURCE_LARGE 65536u
-HYI_INLINE void hyi_ask_for_triangles(const hyi_build *build, const uint32_t *ids, uint32_t count) {
-    if (build->source_count < HYI_SOURCE_LARGE) return;
-    for (uint32_t i = 0; i < count; i++) hyi_prefetch(build->indices + 3u * (size_t)ids[i]);
-    for (uint32_t i = 0; i < count; i++) {
-        const uint32_t *index = build->indices + 3u * (size_t)ids[i];
-        for (uint32_t corner = 0; corner < 3; corner++) hyi_prefetch(build->positions + 3u * (size_t)index[corner]);
-    }
-}
-
-/* The rows of a leaf whose ids are there. */
+/* The rows of a leaf whose ids are there; of more than four triangles, those at the end with some once more. */
 HYI_FN void hyi_write_leaf(const hyi_build *build, uint32_t leaf) {
-    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
-    float *row = build->bvh->rows + 9u * (size_t)first;
-    for (uint32_t i = 0; i < count; i++) hyi_write_lane(build, build->bvh->ids[first + i], row + i, count);
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf), more = count > 4u ? count - 4u : 0u, most = more ? 4u : count;
+    const uint32_t *ids = build->bvh->ids + first;
+    float *rows = hyi_leaf_lane(build->bvh, first, 0);
+    hyi_four scale = hyi_four_all(build->scale);
+    hyi_four_triangles lanes;
+    hyi_load_triangles(build->positions, build->indices, ids, most, &lanes);
+    hyi_turn_triangles(&lanes);
+    hyi_store_triangles(&lanes, most, scale, rows, count);
+    if (more == 0) return;
+    hyi_load_triangles(build->positions, build->indices, ids + more, 4, &lanes);
+    hyi_turn_triangles(&lanes);
+    hyi_store_triangles(&lanes, 4, scale, rows + more, count);
 }
 
-/* All leaves of a node, whose triangles are count from first on. */
-HYI_FN void hyi_write_leaves(const hyi_build *build, const hyi_node *node, uint32_t first, uint32_t count, const uint32_t *ids) {
-    memcpy(build->bvh->ids + first, ids, count * sizeof *ids);
-    if (!build->positions) return;
-    hyi_ask_for_triangles(build, ids, count);
-    for (uint32_t c = 0; c < HYI_WIDTH && node->child[c] != HYI_CHILD_NONE; c++) {
-        if (hyi_child_is_leaf(node->child[c])) hyi_write_leaf(build, node->child[c]);
+/* All leaves of a node, in the order of their slots, which is from the last on. end: as for hyi_ask_for_slots. */
+HYI_FN void hyi_write_leaves(const hyi_build *build, const hyi_node *node, uint32_t end) {
+    for (uint32_t c = HYI_WIDTH; c-- > 0;) {
+        uint32_t child = node->child[c];
+        if (!hyi_child_is_leaf(child)) continue;
+        if (build->source_count >= HYI_SOURCE_LARGE)
+            hyi_ask_for_slots(build->bvh, build->positions, build->indices, hyi_leaf_first(child), hyi_leaf_count(child), end);
+        hyi_write_leaf(build, child);
     }
+}
+
+/* Rows of a subtree whose nodes and ids are there, slot by slot; returns what its nodes add to the cost. */
+HYI_FN double hyi_write_rows(const hyi_build *build, uint32_t root, uint32_t end) {
+    uint32_t list[HYI_TREE_DEPTH * HYI_WIDTH], waiting = 1;
+    double areas = 0.0;
+    list[0] = root;
+    while (waiting > 0) {
+        const hyi_node *node = &build->bvh->nodes[list[--waiting]];
+        areas += hyi_node_areas(node);
+        if (build->positions) hyi_write_leaves(build, node, end);
+        for (uint32_t c = HYI_WIDTH; c-- > 0;) {
+            if (!hyi_child_is_leaf(node->child[c]) && node->child[c] != HYI_CHILD_NONE) list[waiting++] = node->child[c];
+        }
+    }
+    return areas;
 }
 
 /* ---- nodes */
@@ -8269,12 +8551,7 @@ HYI_FN void hyi_begin_node(hyi_node *node, const hyi_build *build, const hyi_fam
             lower[k] = hyi_four_load(box->lower);
             upper[k] = hyi_four_load(box->upper);
         }
-        hyi_four_transpose(lower);
-        hyi_four_transpose(upper);
-        for (uint32_t a = 0; a < 3; a++) {
-            hyi_four_store(&node->planes[2u * a][c], lower[a]);
-            hyi_four_store(&node->planes[2u * a + 1u][c], upper[a]);
-        }
+        hyi_node_set_planes(node, c, lower, upper);
     }
     for (uint32_t c = 0; c < HYI_WIDTH; c++) {
         node->child[c] = HYI_CHILD_NONE;
@@ -8324,6 +8601,7 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
             continue;
         }
         walk->depth = depth + 1u > walk->depth ? depth + 1u : walk->depth;
+        if (walk->writes && waiting > 0) hyi_ask_for_family(build, binary[waiting - 1u]);
         if (walk->writes) hyi_recall_family(build, from, &family);
         else hyi_gather_family(build, from, &family);
         uint32_t first_slot = walk->next_slot;
@@ -8335,13 +8613,20 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
                 child = hyi_place_leaf(walk, member, ids + (walk->next_slot - first_slot));
             } else {
                 child = --at;
+                hyi_prefetch(hyi_cost_at(build, &build->nodes[member]));
+                if (walk->writes) hyi_prefetch(hyi_places_at(build, &build->nodes[member]));
+                else hyi_prefetch(&build->nodes[build->nodes[member].first]);
                 binary[waiting] = member;
                 place[waiting] = at;
                 level[waiting++] = depth + 1u;
             }
             if (node) node->child[c] = child;
         }
-        if (node) hyi_write_leaves(build, node, first_slot, walk->next_slot - first_slot, ids);
+        if (!node) continue;
+        memcpy(build->bvh->ids + first_slot, ids, (walk->next_slot - first_slot) * sizeof *ids);
+        if (!walk->collects) continue;
+        if (build->positions) hyi_write_leaves(build, node, walk->next_slot);
+        walk->areas += hyi_node_areas(node);
     }
     return HYDRA_OK;
 }
@@ -8351,7 +8636,7 @@ HYI_FN hydra_result hyi_walk_wide(hyi_wide_walk *walk, uint32_t root, uint32_t r
 HYI_FN void hyi_count_wide_task(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
     hyi_wide_task *task = &build->wide_tasks[index];
-    hyi_wide_walk walk = {build, false, false, 0, 0, 0, 0};
+    hyi_wide_walk walk = {build, false, false, 0, 0, 0, 0, 0.0};
     (void)hyi_walk_wide(&walk, task->binary, task->place, task->level);
     task->nodes = walk.next_node;
     task->slots = walk.next_slot;
@@ -8360,16 +8645,17 @@ HYI_FN void hyi_count_wide_task(void *argument, uint32_t index) {
 
 HYI_FN void hyi_write_wide_task(void *argument, uint32_t index) {
     hyi_build *build = (hyi_build *)argument;
-    const hyi_wide_task *task = &build->wide_tasks[index];
-    hyi_wide_walk walk = {build, true, false, 0, 0, 0, 0};
+    hyi_wide_task *task = &build->wide_tasks[index];
+    hyi_wide_walk walk = {build, true, false, 0, 0, 0, 0, 0.0};
     walk.next_node = task->first_node;
     walk.next_slot = task->first_slot;
     (void)hyi_walk_wide(&walk, task->binary, task->place, task->level);
+    task->areas = hyi_write_rows(build, task->place, walk.next_slot);
 }
 
 /* Counts nodes and slots, and gives each task its own. */
 HYI_FN hydra_result hyi_count_wide(hyi_build *build, uint32_t root) {
-    hyi_wide_walk walk = {build, false, true, 1, 0, 0, 0};
+    hyi_wide_walk walk = {build, false, true, 1, 0, 0, 0, 0.0};
     HYI_TRY(hyi_walk_wide(&walk, root, 0, 0));
     build->wide_task_count = walk.next_task;
     hyi_parallel(build->context, build->wide_task_count, hyi_count_wide_task, build);
@@ -8395,13 +8681,13 @@ HYI_FN hydra_result hyi_allocate_wide(hyi_build *build) {
     bvh->bytes = (size_t)bvh->node_count * sizeof(hyi_node) + (size_t)bvh->slot_count * sizeof(uint32_t);
     if (!build->positions) return HYDRA_OK;
     size_t floats = hyi_bvh_row_floats(bvh->slot_count);
-    HYI_TRY(hyi_alloc_array(build->context, &bvh->rows, floats));
+    if (!bvh->rows) HYI_TRY(hyi_alloc_array(build->context, &bvh->rows, floats)); /* a quick build has them */
     memset(bvh->rows + 9u * (size_t)bvh->slot_count, 0, HYI_ROWS_PADDING * sizeof(float));
     bvh->bytes += floats * sizeof(float);
     return HYDRA_OK;
 }
 
-/* Allocates and writes what stays. */
+/* Allocates and writes what stays, and says what it costs. */
 HYI_FN hydra_result hyi_collapse(hyi_build *build) {
     hyi_bvh *bvh = build->bvh;
     uint32_t root = build->node_capacity - 1u, ids[2u * HYI_LEAF_MAX];
@@ -8414,14 +8700,17 @@ HYI_FN hydra_result hyi_collapse(hyi_build *build) {
         bvh->root = hyi_make_leaf(0, bvh->slot_count);
         memcpy(bvh->ids, ids, bvh->slot_count * sizeof *ids);
         if (build->positions) hyi_write_leaf(build, bvh->root);
+        build->cost = hyi_relative_cost(bvh, 0.0, 0.0);
         return HYDRA_OK;
     }
     HYI_TRY(hyi_count_wide(build, root));
     HYI_TRY(hyi_allocate_wide(build));
     bvh->root = 0;
-    hyi_wide_walk walk = {build, true, true, 1, 0, 0, 0};
+    hyi_wide_walk walk = {build, true, true, 1, 0, 0, 0, 0.0};
     HYI_TRY(hyi_walk_wide(&walk, root, 0, 0));
     hyi_parallel(build->context, build->wide_task_count, hyi_write_wide_task, build);
+    for (uint32_t t = 0; t < build->wide_task_count; t++) walk.areas += build->wide_tasks[t].areas;
+    build->cost = hyi_relative_cost(bvh, walk.areas, hyi_box_area(&bvh->scaled));
     return HYDRA_OK;
 }
 
@@ -8436,27 +8725,30 @@ HYI_FN void hyi_free_parents(hyi_build *build) {
     build->parents = NULL;
 }
 
-/* What only cutting needs. */
 HYI_FN void hyi_free_other(hyi_build *build) {
-    if (!build->in_units) hyi_free_array(build->context, &build->other, build->capacity);
+    if (!build->other_in_room) hyi_free_array(build->context, &build->other, build->capacity);
     build->other = NULL;
-    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
 }
 
 HYI_FN void hyi_build_release(hyi_build *build) {
     hyi_free_other(build);
     hyi_free_parents(build);
+    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
     if (!build->nodes_in_room) {
         hyi_free_array(build->context, &build->nodes, build->node_capacity);
         hyi_free_array(build->context, &build->costs, build->node_capacity / 2u);
+        if (build->in_units) hyi_free_array(build->context, &build->places, build->node_capacity / 2u);
     }
-    hyi_free_array(build->context, &build->refs, build->room);
+    hyi_free_array(build->context, &build->block, build->room);
+    hyi_free_array(build->context, &build->small, build->small_count);
+    hyi_free_array(build->context, &build->crowd, build->crowd_count);
     hyi_free_array(build->context, &build->pieces, build->piece_count);
     hyi_free_array(build->context, &build->chunks, build->chunk_count);
     hyi_free_array(build->context, &build->tasks, build->task_capacity);
     hyi_free_array(build->context, &build->wide_tasks, build->wide_task_capacity);
 }
 
+/* What was cut with goes before the tree comes. */
 HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
     HYI_TRY(hyi_build_refs(build));
     if (build->ref_count == 0) return HYDRA_OK;
@@ -8464,7 +8756,8 @@ HYI_FN hydra_result hyi_build_steps(hyi_build *build) {
     HYI_TRY(hyi_build_tree(build));
     if (build->parents) HYI_TRY(hyi_reinsert_largest(build));
     hyi_free_parents(build);
-    hyi_free_other(build);
+    hyi_free_array(build->context, &build->chunk_splits, build->chunk_split_count);
+    if (build->in_units) hyi_free_other(build);
     return hyi_collapse(build);
 }
 
@@ -8496,14 +8789,17 @@ HYI_FN void hyi_build_describe(hyi_build *build, hydra_context *context, const f
     build->bvh = bvh;
 }
 
-/* positions: x, y, z tightly packed and finite; indices: three a triangle, in range; quality: BEST or FAST. The tree
+/* positions: x, y, z tightly packed and finite; indices: three a triangle, in range; quality: BEST or FAST; cost: of the tree, as
+   of hyi_bvh_cost. The tree
    depends on these alone, and on whether a device will walk it, not on threads. Degenerate triangles are dropped and counted. With BEST a triangle may
    stand in several leaves. */
 HYI_FN hydra_result hyi_bvh_build_triangles(hydra_context *context, const float *positions, const uint32_t *indices,
-                                            uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh) {
+                                            uint32_t triangle_count, hydra_build quality, hyi_bvh *bvh, float *cost) {
     hyi_build build;
     hyi_build_describe(&build, context, positions, indices, triangle_count, quality, bvh);
-    return hyi_build_run(&build);
+    hydra_result result = hyi_build_run(&build);
+    *cost = build.cost;
+    return result;
 }
 
 /* A leaf is one box: it stands in its parent already. */
@@ -8545,29 +8841,11 @@ HYI_INLINE hyi_box hyi_box_of(const hyi_bounds *bounds) {
 
 /* ---- expected cost */
 
-/* What visiting a child adds to the cost of a tree, by the share of rays that come there. */
-HYI_INLINE double hyi_child_cost(uint32_t child) {
-    if (!hyi_child_is_leaf(child)) return (double)HYI_COST_NODE;
-    return (double)HYI_COST_LEAF + (double)HYI_COST_TRIANGLE * (double)hyi_leaf_count(child);
-}
-
-/* areas: the sum of hyi_child_cost times area over all children. The unit is the visit of a node. */
-HYI_INLINE float hyi_relative_cost(const hyi_bvh *bvh, double areas, double area) {
-    return (float)((hyi_child_cost(bvh->root) + (area > 0.0 ? areas / area : 0.0)) / (double)HYI_COST_NODE);
-}
-
 /* Expected cost of a ray that meets the tree's bounds and nothing in them (MacDonald and Booth 1990). */
 HYI_FN float hyi_bvh_cost(const hyi_bvh *bvh) {
     double areas = 0.0;
     if (bvh->primitive_count == 0) return 0.0f;
-    for (uint32_t n = 0; n < bvh->node_count; n++) {
-        for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-            uint32_t child = hyi_node_child(bvh, n, c);
-            if (child == HYI_CHILD_NONE) break;
-            hyi_box box = hyi_node_box(bvh, n, c);
-            areas += hyi_child_cost(child) * hyi_box_area(&box);
-        }
-    }
+    for (uint32_t n = 0; n < bvh->node_count; n++) areas += hyi_node_areas(&bvh->nodes[n]);
     return hyi_relative_cost(bvh, areas, hyi_box_area(&bvh->scaled));
 }
 
@@ -8631,67 +8909,111 @@ HYI_INLINE bool hyi_refit_lane(const hyi_refit *refit, const uint32_t *index, fl
     return !flat;
 }
 
-/* Box of a leaf's triangles, whose rows are written. One without area counts for it only where there is no other. */
-HYI_FN hyi_bounds hyi_refit_leaf(const hyi_refit *refit, uint32_t leaf, hyi_refit_sum *sum) {
-    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf);
-    const uint32_t *ids = refit->bvh->ids + first;
+/* Up to four triangles side by side: their rows, and their box. false: one of them may have no area, and nothing is done. */
+HYI_INLINE bool hyi_refit_lanes(const hyi_refit *refit, const uint32_t *ids, uint32_t count, float *rows, uint32_t stride, hyi_bounds *box) {
+    hyi_four_triangles lanes;
+    hyi_bounds all = *box;
+    hyi_load_triangles(refit->positions, refit->indices, ids, count, &lanes);
+    for (uint32_t k = 0; k < 4; k++) {
+        hyi_four a = lanes.corner[0][k], b = lanes.corner[1][k], c = lanes.corner[2][k];
+        hyi_bounds_add(&all, hyi_four_min(a, hyi_four_min(b, c)), hyi_four_max(a, hyi_four_max(b, c)));
+    }
+    hyi_turn_triangles(&lanes);
+    if (HYI_UNLIKELY(hyi_four_maybe_flat(lanes.corner[0], lanes.corner[1], lanes.corner[2]))) return false;
+    *box = all;
+    hyi_store_triangles(&lanes, count, hyi_four_all(refit->scale), rows, stride);
+    return true;
+}
+
+/* A leaf one by one. A triangle without area counts for its box only where there is no other. */
+HYI_NOINLINE hyi_bounds hyi_refit_leaf_slowly(const hyi_refit *refit, const uint32_t *ids, uint32_t count, float *rows, hyi_refit_sum *sum) {
     hyi_bounds box = hyi_raw_empty();
     hyi_four point = box.lower;
     for (uint32_t lane = 0; lane < count; lane++) {
-        float *rows = hyi_leaf_lane(refit->bvh, first, lane);
-        if (!hyi_refit_lane(refit, refit->indices + 3u * (size_t)ids[lane], rows, count, &box, &point)) sum->collapsed++;
+        if (!hyi_refit_lane(refit, refit->indices + 3u * (size_t)ids[lane], rows + lane, count, &box, &point)) sum->collapsed++;
     }
     hyi_bounds_add(&sum->real, box.lower, box.upper);
     if (hyi_bounds_are_empty(&box)) box.lower = box.upper = point;
     return box;
 }
 
+/* Box of a leaf's triangles, whose rows are written. */
+HYI_FN hyi_bounds hyi_refit_leaf(const hyi_refit *refit, uint32_t leaf, hyi_refit_sum *sum) {
+    uint32_t first = hyi_leaf_first(leaf), count = hyi_leaf_count(leaf), more = count > 4u ? count - 4u : 0u;
+    const uint32_t *ids = refit->bvh->ids + first;
+    float *rows = hyi_leaf_lane(refit->bvh, first, 0);
+    hyi_bounds box = hyi_raw_empty();
+    bool done = hyi_refit_lanes(refit, ids, count - more < 4u ? count : 4u, rows, count, &box);
+    if (more) done = done && hyi_refit_lanes(refit, ids + more, 4, rows + more, count, &box); /* those at the end, some once more */
+    if (!done) return hyi_refit_leaf_slowly(refit, ids, count, rows, sum);
+    hyi_bounds_add(&sum->real, box.lower, box.upper);
+    return box;
+}
+
 /* ---- nodes */
 
 /* Writes a node whose children's boxes are known; returns their union. */
-HYI_FN hyi_bounds hyi_refit_close(const hyi_refit *refit, uint32_t node, const hyi_bounds *raw, hyi_refit_sum *sum) {
-    hyi_four scale = hyi_four_all(refit->scale);
+HYI_FN hyi_bounds hyi_refit_close(const hyi_refit *refit, uint32_t at, const hyi_bounds *raw, hyi_refit_sum *sum) {
+    const hyi_four scale = hyi_four_all(refit->scale);
+    const hyi_bounds none = hyi_bounds_empty();
+    hyi_node *node = &refit->bvh->nodes[at];
     hyi_bounds all = hyi_raw_empty();
-    hyi_box boxes[HYI_WIDTH];
-    uint32_t count = 0;
-    for (; count < HYI_WIDTH; count++) {
-        uint32_t child = hyi_node_child(refit->bvh, node, count);
-        if (child == HYI_CHILD_NONE) break;
-        hyi_bounds_add(&all, raw[count].lower, raw[count].upper);
-        hyi_four_scatter(hyi_four_mul(raw[count].lower, scale), boxes[count].lower, 1);
-        hyi_four_scatter(hyi_four_mul(raw[count].upper, scale), boxes[count].upper, 1);
-        sum->areas += hyi_child_cost(child) * hyi_box_area(&boxes[count]);
+    for (uint32_t c = 0; c < HYI_WIDTH; c += 4u) {
+        hyi_four lower[4], upper[4];
+        for (uint32_t k = 0; k < 4; k++) {
+            bool there = node->child[c + k] != HYI_CHILD_NONE;
+            lower[k] = there ? hyi_four_mul(raw[c + k].lower, scale) : none.lower;
+            upper[k] = there ? hyi_four_mul(raw[c + k].upper, scale) : none.upper;
+            if (there) hyi_bounds_add(&all, raw[c + k].lower, raw[c + k].upper);
+        }
+        hyi_node_set_planes(node, c, lower, upper);
     }
-    hyi_node_move(refit->bvh, node, boxes, count);
+    sum->areas += hyi_node_areas(node);
     return all;
 }
 
-/* A node on the way down, and the boxes of its children as far as they are known. */
+/* A node on the way down, the boxes of its children as far as they are known, and bits of those that are not. */
 typedef struct hyi_refit_frame {
-    uint32_t node, next;
+    uint32_t node, open;
     hyi_bounds boxes[HYI_WIDTH];
 } hyi_refit_frame;
 
-/* Depth first, so that a node is written when its leaves have just been. */
+/* Leaves in the order of their slots, which is from the last on. Asks for what closing the node, and entering those below it,
+   comes to first. */
+HYI_FN void hyi_refit_enter(const hyi_refit *refit, uint32_t node, hyi_refit_frame *frame, hyi_refit_sum *sum) {
+    frame->node = node;
+    frame->open = 0;
+    for (uint32_t c = 0; c < 6; c += 2u) hyi_prefetch(refit->bvh->nodes[node].planes[c]);
+    for (uint32_t c = HYI_WIDTH; c-- > 0;) {
+        uint32_t child = hyi_node_child(refit->bvh, node, c);
+        if (hyi_child_is_leaf(child)) {
+            if (refit->bvh->slot_count >= HYI_SOURCE_LARGE)
+                hyi_ask_for_slots(refit->bvh, refit->positions, refit->indices, hyi_leaf_first(child), hyi_leaf_count(child), refit->bvh->slot_count);
+            frame->boxes[c] = hyi_refit_leaf(refit, child, sum);
+        } else if (child != HYI_CHILD_NONE) {
+            hyi_prefetch(refit->bvh->nodes[child].child);
+            frame->open |= 1u << c;
+        }
+    }
+}
+
+/* Depth first, the leaves of a node before the nodes below it: so slots come one after the other. */
 HYI_FN hyi_bounds hyi_refit_subtree(const hyi_refit *refit, uint32_t root, hyi_refit_sum *sum) {
     hyi_refit_frame frames[HYI_TREE_DEPTH];
     uint32_t level = 0;
-    frames[0].node = root;
-    frames[0].next = 0;
+    hyi_refit_enter(refit, root, &frames[0], sum);
     for (;;) {
         hyi_refit_frame *frame = &frames[level];
-        uint32_t child = frame->next < HYI_WIDTH ? hyi_node_child(refit->bvh, frame->node, frame->next) : HYI_CHILD_NONE;
-        if (child == HYI_CHILD_NONE) {
-            hyi_bounds box = hyi_refit_close(refit, frame->node, frame->boxes, sum);
-            if (level == 0) return box;
-            frame = &frames[--level];
-            frame->boxes[frame->next++] = box;
-        } else if (hyi_child_is_leaf(child)) {
-            frame->boxes[frame->next++] = hyi_refit_leaf(refit, child, sum);
-        } else {
-            frames[++level].node = child;
-            frames[level].next = 0;
+        if (frame->open) {
+            uint32_t child = hyi_node_child(refit->bvh, frame->node, hyi_lowest_bit(frame->open));
+            hyi_refit_enter(refit, child, &frames[++level], sum);
+            continue;
         }
+        hyi_bounds box = hyi_refit_close(refit, frame->node, frame->boxes, sum);
+        if (level == 0) return box;
+        frame = &frames[--level];
+        frame->boxes[hyi_lowest_bit(frame->open)] = box;
+        frame->open &= frame->open - 1u;
     }
 }
 
@@ -9204,7 +9526,6 @@ HYI_FN hydra_result hyi_bvh_adopt(hydra_context *context, const float *positions
 #endif
 
 #define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
-#define HYI_T_SOONEST (-3.4028232635611926e+38f) /* before all t but -FLT_MAX, where rays that are done end */
 
 /* A ray in the units of one tree. t here times unit is t of the ray. Planes are met at t = plane * inverse + offset. */
 typedef struct hyi_aim {
@@ -9506,20 +9827,26 @@ HYI_NOINLINE double hyi_settle_distance(const hyi_aim *aim, const float *rows, u
 }
 
 /* t of the ray (not of the tree's units) at triangle lane of a leaf, or HYI_NO_HIT where that is not within t_min and
-   t_max; weights: u and v; n: the normal, in the order of axis. The plane comes first: most of the triangles that fail here lie behind a nearer hit. */
-HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2],
-                             double n[3]) {
-    float ax, ay, bx, by, cx, cy;
+   t_max; weights: u and v; n: the normal, in the order of axis. sheared: x of this corner and y, of the next and of the last in the
+   sheared frame, eight floats apart, if they are known, or NULL. The plane comes first: most of the triangles that fail here lie behind a nearer hit. */
+HYI_INLINE float hyi_confirm_sheared(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, const float *sheared, float t_min, float t_max,
+                                     float weights[2], double n[3]) {
+    float hx[3], hy[3];
     hyi_crossing x;
     rows += lane;
     hyi_cross_plane(aim, rows, stride, &x);
     if (x.across == 0.0) return HYI_NO_HIT;
     float t = (float)hyi_rounded_double(x.plane * aim->unit);
     if (!(t >= t_min && t <= t_max) && hyi_surely_beyond(aim, &x, t_min, t_max)) return HYI_NO_HIT;
-    hyi_shear_corner(aim, rows, stride, &ax, &ay);
-    hyi_shear_corner(aim, rows + 3u * stride, stride, &bx, &by);
-    hyi_shear_corner(aim, rows + 6u * stride, stride, &cx, &cy);
-    const double w[3] = {hyi_cross_exact(cx, by, cy, bx), hyi_cross_exact(ax, cy, ay, cx), hyi_cross_exact(bx, ay, by, ax)};
+    for (uint32_t k = 0; k < 3; k++) {
+        if (sheared) {
+            hx[k] = sheared[16u * k];
+            hy[k] = sheared[16u * k + 8u];
+        } else {
+            hyi_shear_corner(aim, rows + 3u * k * stride, stride, &hx[k], &hy[k]);
+        }
+    }
+    const double w[3] = {hyi_cross_exact(hx[2], hy[1], hy[2], hx[1]), hyi_cross_exact(hx[0], hy[2], hy[0], hx[2]), hyi_cross_exact(hx[1], hy[0], hy[1], hx[0])};
     double sum = hyi_rounded_double(hyi_rounded_double(w[0] + w[1]) + w[2]);
     double least = w[0] < w[1] ? w[0] : w[1], most = w[0] > w[1] ? w[0] : w[1];
     least = w[2] < least ? w[2] : least;
@@ -9534,6 +9861,11 @@ HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t str
     weights[1] = (float)(w[2] * inverse);
     for (int i = 0; i < 3; i++) n[i] = x.n[i];
     return t;
+}
+
+HYI_INLINE float hyi_confirm(const hyi_aim *aim, const float *rows, uint32_t stride, uint32_t lane, float t_min, float t_max, float weights[2],
+                             double n[3]) {
+    return hyi_confirm_sheared(aim, rows, stride, lane, NULL, t_min, t_max, weights, n);
 }
 
 /* Ties of equal t go to the smaller instance, then the smaller primitive; t_max itself counts as a hit. */
@@ -9614,6 +9946,17 @@ HYI_FN bool hyi_was_sound(const hyk_ray *at) {
 
 HYI_INLINE const float *hyi_leaf_rows(const hyi_bvh *bvh, uint32_t leaf) { return bvh->rows + 9u * (size_t)hyi_leaf_first(leaf); }
 
+/* hyi_prefetch_early of all of a node, and of most of a leaf. */
+HYI_INLINE void hyi_prefetch_node_early(const hyi_bvh *bvh, uint32_t node) {
+    const char *at = (const char *)&bvh->nodes[node];
+    for (uint32_t line = 0; line < 4u; line++) hyi_prefetch_early(at + 64u * line);
+}
+
+HYI_INLINE void hyi_prefetch_leaf_early(const hyi_bvh *bvh, uint32_t leaf) {
+    const char *at = (const char *)hyi_leaf_rows(bvh, leaf);
+    for (uint32_t line = 0; line < 5u; line++) hyi_prefetch_early(at + 64u * line);
+}
+
 /* What a child will read first: all of a node, and of a leaf, which begins anywhere in a line, as much as eight triangles take. */
 HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
     bool leaf = hyi_child_is_leaf(child);
@@ -9623,8 +9966,8 @@ HYI_INLINE void hyi_prefetch_child(const hyi_bvh *bvh, uint32_t child) {
 
 /* ---- the children of a node that a single ray still has to visit */
 
-/* Seven wait on each level. */
-#define HYI_STACK (7u * HYI_TREE_DEPTH + 8u)
+/* Seven wait on each level; eight are written at a time. */
+#define HYI_STACK (7u * HYI_TREE_DEPTH + 16u)
 
 /* A child in the low half, the bits of t at which it is entered in the high one: in the order of t, but where that is negative. */
 typedef int64_t hyi_waiting;
@@ -9667,12 +10010,13 @@ HYI_INLINE void hyi_ask_for(const hyi_ahead *ahead, uint32_t child) {
     for (uint32_t line = 0; line < 4u; line++) hyi_prefetch(at + 64u * line);
 }
 
-/* Of child first and those in mask (not empty), returns the nearest and puts the others on the stack, the
-   nearer the higher. ahead: NULL or where memory is asked for all. */
-HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t first, uint32_t mask, const hyi_ahead *ahead) {
+/* Of the children in mask (not empty), returns the nearest and puts the others on the stack, the nearer the higher.
+   ahead: NULL or where memory is asked for all. */
+HYI_INLINE uint32_t hyi_push_farther(hyi_waiting **stack, const uint32_t *child, const float *t, uint32_t mask, const hyi_ahead *ahead) {
+    uint32_t first = hyi_lowest_bit(mask);
     hyi_waiting *base = *stack, *top = base, nearest = hyi_waiting_of(child[first], t[first]);
     if (ahead) hyi_ask_for(ahead, child[first]);
-    for (; mask; mask &= mask - 1u) {
+    while ((mask &= mask - 1u) != 0u) {
         uint32_t c = hyi_lowest_bit(mask);
         if (ahead) hyi_ask_for(ahead, child[c]);
         hyi_waiting other = hyi_waiting_of(child[c], t[c]), farther = other > nearest ? other : nearest;
@@ -9717,11 +10061,12 @@ HYI_INLINE void hyi_set_best(const hyi_site *site, hyi_flight *flight, uint32_t 
     flight->best.lane = lane;
 }
 
-/* Decides on one triangle of a leaf. Returns whether it is the new best. */
-HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+/* Decides on one triangle of a leaf; sheared: as for hyi_confirm_sheared. Returns whether it is the new best. */
+HYI_INLINE bool hyi_decide_sheared(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, const float *sheared) {
     float weights[2] = {0.0f, 0.0f};
     double n[3];
-    float t = hyi_confirm(&flight->aim, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), lane, flight->t_min, flight->best.t, weights, n);
+    const float *rows = hyi_leaf_rows(site->bvh, leaf);
+    float t = hyi_confirm_sheared(&flight->aim, rows, hyi_leaf_count(leaf), lane, sheared, flight->t_min, flight->best.t, weights, n);
     if (t == HYI_NO_HIT) return false;
     uint32_t primitive = site->bvh->ids[hyi_leaf_first(leaf) + lane];
     if (!hyi_beats(&flight->best, t, site->instance, primitive)) return false;
@@ -9731,6 +10076,10 @@ HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t le
     flight->aim.least_t = t;
     hyi_aim_limit(&flight->aim, t);
     return true;
+}
+
+HYI_INLINE bool hyi_decide(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    return hyi_decide_sheared(site, flight, leaf, lane, NULL);
 }
 
 /* Works out the hit that was put off. */
@@ -10034,7 +10383,8 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_CULL_SHARE 6u        /* if fewer than one in so many met something, lists are not looked through for rays to leave out */
 #define HYI_PACKET_WIDTH 16u     /* at most */
 #define HYI_PACKET_LEAST 6u      /* rays that make a packet worth it */
-#define HYI_MANY_CHILDREN 4u     /* met by the bounds of a packet, make it worth looking at each of its rays */
+#define HYI_MANY_CHILDREN 4u     /* met by the bounds of a packet, make it worth looking at each of its rays, */
+#define HYI_MANY_FOR_FEW 2u      /* and so many where half of the rays or more are done, and bounds are those of all */
 #define HYI_VISITORS_LEAST 8u    /* packets that come to leaves wait until they are so many */
 #define HYI_VISITORS_MOST (HYI_VISITORS_LEAST + HYI_STREAM_PACKETS)
 #define HYI_PACKET_GROUPS 3u     /* of more directions than that, blocks of rays are not worth being looked through for packets */
@@ -10050,19 +10400,19 @@ HYI_INLINE void hyi_tell(const hyi_accel *accel, const hyi_flight *flight, const
 #define HYI_ABREAST_LEAST(triangles) ((triangles) + 3u)
 
 /* Flights that few others go with wait, each with the leaf or the node that it has come to, until there are so many for one loop. */
-#define HYI_LEAVES_LEAST 8u
-#define HYI_LEAVES_ENOUGH 32u    /* leaves that nodes of such flights have found */
+#define HYI_LEAVES_LEAST 16u
+#define HYI_LEAVES_ENOUGH 64u    /* leaves that nodes of such flights have found */
+#define HYI_LEAVES_EARLY 8u      /* so far ahead memory is asked for leaves, */
+#define HYI_NODES_EARLY 20u      /* and for nodes */
 #define HYI_LEAVES_OF_LIST 12u   /* more than go one by one of any list at a leaf */
 #define HYI_LEAVES_MOST (HYI_LEAVES_LEAST + HYI_WIDTH * HYI_LEAVES_OF_LIST)
-#define HYI_NODES_LEAST 32u
-#define HYI_NODES_ENOUGH 512u    /* the last goes first where more wait, and its node has no time to come */
+#define HYI_NODES_LEAST 64u
+#define HYI_NODES_ENOUGH 1024u   /* the last goes first where more wait, and its node has no time to come */
 #define HYI_NODES_OF_LIST 6u     /* lists that are no longer fall apart at a node */
 #define HYI_NODES_MOST (HYI_NODES_ENOUGH + HYI_WIDTH * (HYI_TREE_DEPTH + 2u)) /* seven wait on each level, and eight are stored at a time */
 HYI_STATIC_ASSERT(HYI_ABREAST_LEAST(HYI_LEAF_MAX) <= HYI_LEAVES_OF_LIST && HYI_NODES_LEAST + HYI_NODES_OF_LIST <= HYI_NODES_ENOUGH);
 HYI_STATIC_ASSERT(HYI_LEAVES_ENOUGH + 2u * HYI_WIDTH <= HYI_LEAVES_MOST);
 
-#define HYI_JOURNEYS 3u          /* parts of a list that take turns in a tree of so many bytes or more, which caches do not hold */
-#define HYI_LARGE_TREE ((size_t)96 << 20)
 #define HYI_LIST_RESERVE (8u * 16u * (HYI_TREE_DEPTH + 2u)) /* words: for lists of one packet on every level */
 #define HYI_RAY_GROUPS 24u       /* eight octants by three largest components */
 
@@ -10099,7 +10449,8 @@ typedef struct hyi_packet {
     uint32_t live, group;                /* bits of the lanes with a ray; what their directions have in common: see hyi_aim_group */
     float shear_middle[2], shear_half[2]; /* of all rays, and the most by which they are off it */
     uint32_t lead, mate;                 /* of a pair: who goes for both, with the bounds of both; of that one: the other, HYK_NONE: it goes alone */
-    uint32_t unused[7];                  /* fills the last cache line: vectors of rays lie in one each */
+    uint32_t many_children;              /* met by bounds of rays that begin at different points, make it worth looking at each ray */
+    uint32_t unused[6];                  /* fills the last cache line: vectors of rays lie in one each */
 } hyi_packet;
 HYI_STATIC_ASSERT(sizeof(hyi_packet) % 64u == 0);
 
@@ -10153,7 +10504,7 @@ typedef struct hyi_waiters {
 
 /* A list of flights on its way down a tree. */
 typedef struct hyi_journey {
-    hyi_swarm swarm;
+    const hyi_swarm *swarm;
     uint32_t depth;
     hyi_frame frames[HYI_TREE_DEPTH];
     hyi_waiters waiters;
@@ -10420,7 +10771,9 @@ HYI_INLINE uint32_t hyi_le8_scalar(hyi_f8 a, hyi_f8 b) {
 
 #define HYI_TARGET
 #define HYI_ALWAYS_EXACT 1 /* eight judgements would cost more than the decisions that they spare */
+#define HYI_EXACT_ALONE 1
 #define HYI_I(name) name##_scalar
+#define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_farther(stack, (node)->child, enter, mask, ahead)
 #define HYI_F8 hyi_f8
 #define HYI_M8 uint32_t
 #define HYI_LOAD8(p) hyi_load8_scalar(p)
@@ -10555,12 +10908,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
     HYI_STORE8(verdicts->most, most);
 }
 
+/* Bits of the triangles that seem to be met beyond one of the limits: without a division, and without a bound of what is rounded. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_seem_beyond)(const HYI_I(hyi_sight) *sight, const HYI_F8 w[3], const HYI_F8 t[3]) {
+    HYI_F8 sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), total = HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), zero = HYI_ZERO8();
+    HYI_F8 from_near = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_near), sum)), sum);
+    HYI_F8 from_far = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_far), sum)), sum);
+    return HYI_BITS8(HYI_OR8(HYI_LT8(from_near, zero), HYI_LT8(zero, from_far)));
+}
+
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
-    HYI_I(hyi_corners) k[3];
+   mean of t at the corners. exact: nothing is certain. alone: hits are decided on at once, so a closer look is for what seems to be
+   no hit, such as the triangle that the ray comes from. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_corners)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], uint32_t count, bool exact,
+                                                              bool alone) {
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
     for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
@@ -10569,19 +10930,34 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    if (!verdicts.possible || exact || (alone && !(HYI_I(hyi_seem_beyond)(sight, w, t) & verdicts.possible))) return verdicts;
+    HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
+/* Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, HYI_I(hyi_corners) k[3]) {
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_shear_triangles)(sight, rows, count, k);
+    return HYI_I(hyi_meet_corners)(sight, k, count, exact, false);
+}
+
 /* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
-HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer_sheared)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, const float *sheared) {
     uint32_t waits = flight->aim.leaf;
     if (waits) {
         flight->aim.leaf = 0;
-        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, waits, flight->aim.lane, NULL);
     }
-    return hyi_decide(site, flight, leaf, lane);
+    return hyi_decide_sheared(site, flight, leaf, lane, sheared);
+}
+
+HYI_FN HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    return HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, NULL);
 }
 
 /* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
@@ -10620,10 +10996,20 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. false: there were none, and nothing has changed. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_corners) k[3];
+    float sheared[6][8];
+    HYI_I(hyi_shear_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), k);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_corners)(&sight, k, hyi_leaf_count(leaf), HYI_EXACT_ALONE || flight->aim.exact, true);
     if (!verdicts.possible) return false;
     hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    for (int i = 0; i < 3; i++) {
+        HYI_STORE8(sheared[2 * i], k[i].x);
+        HYI_STORE8(sheared[2 * i + 1], k[i].y);
+    }
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, &sheared[0][lane]);
+    }
     return true;
 }
 
@@ -10640,10 +11026,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             at = HYI_CHILD_NONE;
             if (!mask) break;
-            uint32_t first = hyi_lowest_bit(mask);
-            mask &= mask - 1u;
-            at = node->child[first];
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            uint32_t others = mask & (mask - 1u);
+            at = node->child[hyi_lowest_bit(mask)];
+            if (others & (others - 1u)) at = HYI_PUSH_SEVERAL(&top, node, enter, mask, any ? NULL : &ahead);
+            else if (others) at = hyi_push_farther(&top, node->child, enter, mask, any ? NULL : &ahead);
             else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
@@ -10678,7 +11064,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, mask, NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
@@ -10758,6 +11144,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXACT_ALONE
 #undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
@@ -10833,6 +11220,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_singles)(const hyi_accel *accel, const hy
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_PUSH_SEVERAL
 #undef HYI_RAY_WORDS
 #undef HYI_RECORDS
 #undef HYI_SIGNED4
@@ -11048,10 +11436,58 @@ HYI_INLINE HYI_AVX2 void hyi_lines_avx2(const void *const rows[16], char *lines)
     }
 }
 
+/* Eight keys and the same in another order: the greater go where bits of places has one, the lesser elsewhere. */
+#define HYI_SORT_STEP_AVX2(keys, others, places)                                                                         \
+    do {                                                                                                                 \
+        __m256i sort_others = (others);                                                                                  \
+        keys = _mm256_blend_epi32(_mm256_min_epi32(keys, sort_others), _mm256_max_epi32(keys, sort_others), places);     \
+    } while (0)
+
+/* The greatest first: each step compares all, in pairs. Nothing is guessed, so nothing is guessed wrong. */
+HYI_INLINE HYI_AVX2 __m256i hyi_sorted_avx2(__m256i keys) {
+    HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0xb1), 0x55);
+    HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0x1b), 0x33);
+    HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0xb1), 0x55);
+    HYI_SORT_STEP_AVX2(keys, _mm256_permute4x64_epi64(_mm256_shuffle_epi32(keys, 0x1b), 0x4e), 0x0f);
+    HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0x4e), 0x33);
+    HYI_SORT_STEP_AVX2(keys, _mm256_shuffle_epi32(keys, 0xb1), 0x55);
+    return keys;
+}
+#undef HYI_SORT_STEP_AVX2
+
+/* The least of eight. */
+HYI_INLINE HYI_AVX2 uint32_t hyi_least_key_avx2(__m256i keys) {
+    keys = _mm256_min_epi32(keys, _mm256_shuffle_epi32(keys, 0xb1));
+    keys = _mm256_min_epi32(keys, _mm256_shuffle_epi32(keys, 0x4e));
+    return (uint32_t)_mm_cvtsi128_si32(_mm_min_epi32(_mm256_castsi256_si128(keys), _mm256_extracti128_si256(keys, 1)));
+}
+
+/* hyi_push_farther of three children or more. They are sorted by t, or by 0 where that is less, with the number of the child in its
+   last bits; what waits has these clear, so that it is no more than t, if that matters. All eight are written: those that are not met
+   lie above the top. */
+HYI_INLINE HYI_AVX2 uint32_t hyi_push_several_avx2(hyi_waiting **stack, const hyi_node *node, const float enter[8], uint32_t mask, const hyi_ahead *ahead) {
+    const __m256i numbers = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128), last = _mm256_set1_epi32(7);
+    __m256i met = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32((int)mask), bits), bits);
+    __m256i t = _mm256_max_epi32(_mm256_castps_si256(_mm256_loadu_ps(enter)), _mm256_setzero_si256());
+    __m256i keys = _mm256_or_si256(_mm256_andnot_si256(last, t), numbers);
+    uint32_t nearest = node->child[hyi_least_key_avx2(_mm256_blendv_epi8(_mm256_set1_epi32(INT32_MAX), keys, met)) & 7u];
+    keys = hyi_sorted_avx2(_mm256_blendv_epi8(_mm256_or_si256(_mm256_set1_epi32(INT32_MIN), numbers), keys, met));
+    __m256i child = _mm256_permutevar8x32_epi32(_mm256_load_si256((const __m256i *)(const void *)node->child), keys);
+    t = _mm256_andnot_si256(last, keys);
+    __m256i even = _mm256_unpacklo_epi32(child, t), odd = _mm256_unpackhi_epi32(child, t);
+    _mm256_storeu_si256((__m256i *)(void *)*stack, _mm256_permute2x128_si256(even, odd, 0x20));
+    _mm256_storeu_si256((__m256i *)(void *)(*stack + 4), _mm256_permute2x128_si256(even, odd, 0x31));
+    *stack += _mm_popcnt_u32(mask) - 1;
+    for (; ahead && mask; mask &= mask - 1u) hyi_ask_for(ahead, node->child[hyi_lowest_bit(mask)]);
+    return nearest;
+}
+
 #define HYI_TARGET HYI_AVX2
 #define HYI_I(name) name##_avx2
 #define HYI_F8 __m256
 #define HYI_ALWAYS_EXACT 0
+#define HYI_EXACT_ALONE 0
+#define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_several_avx2(stack, node, enter, mask, ahead)
 #define HYI_M8 __m256
 #define HYI_LOAD8(p) _mm256_load_ps(p)
 #define HYI_LOADU8(p) _mm256_loadu_ps(p)
@@ -11370,12 +11806,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
     HYI_STORE8(verdicts->most, most);
 }
 
+/* Bits of the triangles that seem to be met beyond one of the limits: without a division, and without a bound of what is rounded. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_seem_beyond)(const HYI_I(hyi_sight) *sight, const HYI_F8 w[3], const HYI_F8 t[3]) {
+    HYI_F8 sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), total = HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), zero = HYI_ZERO8();
+    HYI_F8 from_near = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_near), sum)), sum);
+    HYI_F8 from_far = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_far), sum)), sum);
+    return HYI_BITS8(HYI_OR8(HYI_LT8(from_near, zero), HYI_LT8(zero, from_far)));
+}
+
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
-    HYI_I(hyi_corners) k[3];
+   mean of t at the corners. exact: nothing is certain. alone: hits are decided on at once, so a closer look is for what seems to be
+   no hit, such as the triangle that the ray comes from. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_corners)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], uint32_t count, bool exact,
+                                                              bool alone) {
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
     for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
@@ -11384,19 +11828,34 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    if (!verdicts.possible || exact || (alone && !(HYI_I(hyi_seem_beyond)(sight, w, t) & verdicts.possible))) return verdicts;
+    HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
+/* Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, HYI_I(hyi_corners) k[3]) {
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_shear_triangles)(sight, rows, count, k);
+    return HYI_I(hyi_meet_corners)(sight, k, count, exact, false);
+}
+
 /* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
-HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer_sheared)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, const float *sheared) {
     uint32_t waits = flight->aim.leaf;
     if (waits) {
         flight->aim.leaf = 0;
-        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, waits, flight->aim.lane, NULL);
     }
-    return hyi_decide(site, flight, leaf, lane);
+    return hyi_decide_sheared(site, flight, leaf, lane, sheared);
+}
+
+HYI_FN HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    return HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, NULL);
 }
 
 /* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
@@ -11435,10 +11894,20 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. false: there were none, and nothing has changed. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_corners) k[3];
+    float sheared[6][8];
+    HYI_I(hyi_shear_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), k);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_corners)(&sight, k, hyi_leaf_count(leaf), HYI_EXACT_ALONE || flight->aim.exact, true);
     if (!verdicts.possible) return false;
     hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    for (int i = 0; i < 3; i++) {
+        HYI_STORE8(sheared[2 * i], k[i].x);
+        HYI_STORE8(sheared[2 * i + 1], k[i].y);
+    }
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, &sheared[0][lane]);
+    }
     return true;
 }
 
@@ -11455,10 +11924,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             at = HYI_CHILD_NONE;
             if (!mask) break;
-            uint32_t first = hyi_lowest_bit(mask);
-            mask &= mask - 1u;
-            at = node->child[first];
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            uint32_t others = mask & (mask - 1u);
+            at = node->child[hyi_lowest_bit(mask)];
+            if (others & (others - 1u)) at = HYI_PUSH_SEVERAL(&top, node, enter, mask, any ? NULL : &ahead);
+            else if (others) at = hyi_push_farther(&top, node->child, enter, mask, any ? NULL : &ahead);
             else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
@@ -11493,7 +11962,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, mask, NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
@@ -12050,12 +12519,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, uint32_t l
     visitors->count = waiting;
 }
 
-/* How far a packet, or pair, still looks after a hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet) {
+/* How far a packet, or pair, still looks after a hit, and how closely. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet, bool any) {
     hyi_packet *lead = &swarm->packets[packet->lead];
     HYI_FW t_far = HYI_LOADW(lead->t_far);
     if (lead->mate != HYK_NONE) t_far = HYI_MAXW(t_far, HYI_LOADW(swarm->packets[lead->mate].t_far));
     lead->last_t = HYI_GREATESTW(t_far);
+    if (any && 2u * hyi_count_lanes(HYI_BITSW(HYI_LTW(HYI_SETW(-FLT_MAX), t_far))) <= HYI_LANES) lead->many_children = HYI_MANY_FOR_FEW;
 }
 
 /* Packets that wait meet their leaves. */
@@ -12070,7 +12540,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_admit)(const hyi_swarm *swarm, bool any) {
         } else {
             found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
-        if (found) HYI_I(hyi_limit_packet)(swarm, packet);
+        if (found) HYI_I(hyi_limit_packet)(swarm, packet, any);
     }
     visitors->count = 0;
 }
@@ -12142,6 +12612,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     }
     HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
     packet->waiting = 0;
+    packet->many_children = HYI_MANY_CHILDREN;
     packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
@@ -12907,6 +13378,7 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *s
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        hyi_prefetch_leaf_early(swarm->site.bvh, leaves[i + HYI_LEAVES_EARLY < count ? i + HYI_LEAVES_EARLY : i]);
         hyi_prefetch_child(swarm->site.bvh, leaves[i + 3u < count ? i + 3u : i]);
         hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }
@@ -13012,7 +13484,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
             uint32_t met = HYI_BITS8(mask);
             masks.bytes[i] = (uint8_t)met;
             unsure[doubts] = i;
-            doubts += packet->spread && hyi_count_bits(met) >= HYI_MANY_CHILDREN ? 1u : 0u;
+            doubts += packet->spread && hyi_count_bits(met) >= packet->many_children ? 1u : 0u;
         }
         for (uint32_t k = 0; k < doubts; k++) {
             uint32_t i = unsure[k];
@@ -13123,7 +13595,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uin
 /* Deals a list out at a node, which comes on top of a journey. Children are visited nearest first; where any hit does, leaves
    come before all else, since they end rays the soonest. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_swarm *swarm = journey->swarm;
     const hyi_bvh *bvh = swarm->site.bvh;
     const hyi_node *node = &bvh->nodes[at];
     hyi_frame *frame = &journey->frames[journey->depth++];
@@ -13144,20 +13616,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
     frame->children = hyi_count_bits(mask);
 }
 
-/* Sends a list on to what is no leaf of triangles; returns whether it has come to a node. Where memory for lists is short, rays go
-   one by one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
-    const hyi_swarm *swarm = &journey->swarm;
+/* Sends a list on to what is no leaf of triangles. Where memory for lists is short, rays go one by one. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+    const hyi_swarm *swarm = journey->swarm;
     bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
-    if (!fits) {
-        *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    } else if (hyi_child_is_leaf(at)) {
-        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else {
-        HYI_I(hyi_arrive)(journey, at, list, count, space);
-        return true;
-    }
-    return false;
+    if (!fits) *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    else if (hyi_child_is_leaf(at)) HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    else HYI_I(hyi_arrive)(journey, at, list, count, space);
 }
 
 /* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
@@ -13187,10 +13652,12 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hy
     uint32_t next = 0, hits = 0;
     while (next < w->at_nodes) {
         uint32_t i = w->at_nodes <= HYI_NODES_ENOUGH ? next++ : --w->at_nodes, ahead = next + 3u < w->at_nodes ? next + 3u : i;
+        uint32_t early = next + HYI_NODES_EARLY < w->at_nodes ? next + HYI_NODES_EARLY : i;
         const hyi_node *node = &bvh->nodes[w->nodes[i]];
         const hyi_aim *aim = &swarm->flights[w->node_rays[i]].aim;
         HYI_I(hyi_planes) planes;
         HYI_F8 enter;
+        hyi_prefetch_node_early(bvh, w->nodes[early]);
         hyi_prefetch_child(bvh, w->nodes[ahead]);
         hyi_prefetch(&swarm->flights[w->node_rays[ahead]]);
         HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
@@ -13205,8 +13672,8 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hy
 /* Flights that wait go on where there are enough of them. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_waiters)(hyi_journey *journey, uint32_t nodes, uint32_t leaves) {
     uint32_t hits = 0;
-    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(&journey->swarm, &journey->waiters);
-    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(&journey->swarm, &journey->waiters);
+    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(journey->swarm, &journey->waiters);
+    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(journey->swarm, &journey->waiters);
     return hits;
 }
 
@@ -13229,7 +13696,7 @@ HYI_INLINE void HYI_I(hyi_wait_at_leaf)(hyi_waiters *w, uint32_t leaf, float ent
 
 /* Offers the leaves that come next among a frame's children to their lists. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
-    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_swarm *swarm = journey->swarm;
     bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
     for (; frame->next < frame->children; frame->next++) {
         uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
@@ -13241,55 +13708,37 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_fram
     frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
-/* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
-    const hyi_swarm *swarm = &journey->swarm;
-    while (journey->depth) {
-        hyi_frame *frame = &journey->frames[journey->depth - 1u];
-        if (frame->next == frame->children) {
-            if (--journey->depth) frame[-1].hits += frame->hits;
-            continue;
-        }
-        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
-            HYI_I(hyi_list_leaves)(journey, frame);
-            continue;
-        }
-        frame->next++;
-        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
-            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
-            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
-            continue;
-        }
-        if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+/* Goes on from a node to the first of its children not yet visited, or back. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_advance)(hyi_journey *journey) {
+    const hyi_swarm *swarm = journey->swarm;
+    hyi_frame *frame = &journey->frames[journey->depth - 1u];
+    if (frame->next == frame->children) {
+        if (--journey->depth) frame[-1].hits += frame->hits;
+        return;
     }
-    return false;
+    uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+        HYI_I(hyi_list_leaves)(journey, frame);
+        return;
+    }
+    frame->next++;
+    if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+        HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+        frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+        return;
+    }
+    HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits);
 }
 
-/* Into how many parts a list is cut. Each has shorter lists, and visits more nodes for its rays: only waiting for memory is dearer,
-   and rays that any hit ends wait little. */
-HYI_INLINE uint32_t HYI_I(hyi_count_journeys)(const hyi_swarm *swarm, uint32_t count) {
-    bool waits = !swarm->any && swarm->site.bvh->bytes >= HYI_LARGE_TREE;
-    return waits && count >= HYI_JOURNEYS * HYI_STREAM_LEAST ? HYI_JOURNEYS : 1u;
-}
-
-/* Sends a list of flights through a tree with nodes, in parts that take turns: while what one comes to is on its way from memory,
-   the others go on. space: memory for lists, up to swarm->lists_end. */
+/* Sends a list of flights through a tree with nodes. space: memory for lists, up to swarm->lists_end. */
 HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
-    hyi_journey journeys[HYI_JOURNEYS];
-    uint32_t parts = HYI_I(hyi_count_journeys)(swarm, count), share = (count + parts - 1u) / parts, hits = 0, going = 0;
-    size_t room = (size_t)(swarm->lists_end - space) / parts;
-    for (uint32_t k = 0; k < parts; k++) {
-        uint32_t first = k * share, some = count - first < share ? count - first : share;
-        journeys[k].swarm = *swarm;
-        journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = journeys[k].waiters.at_leaves = journeys[k].waiters.at_nodes = 0;
-        going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
-    }
-    while (going)
-        for (uint32_t k = 0; k < parts; k++)
-            if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
-    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_run_waiters)(&journeys[k], 0, 0);
+    hyi_journey journey;
+    uint32_t hits = 0;
+    journey.swarm = swarm;
+    journey.depth = journey.waiters.at_leaves = journey.waiters.at_nodes = 0;
+    HYI_I(hyi_go_on)(&journey, swarm->site.bvh->root, list, count, space, &hits);
+    while (journey.depth) HYI_I(hyi_advance)(&journey);
+    (void)HYI_I(hyi_run_waiters)(&journey, 0, 0);
 }
 
 /* The same, of any tree. */
@@ -13438,6 +13887,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXACT_ALONE
 #undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
@@ -13513,6 +13963,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_PUSH_SEVERAL
 #undef HYI_RAY_WORDS
 #undef HYI_RECORDS
 #undef HYI_SIGNED4
@@ -13734,10 +14185,9 @@ HYI_INLINE HYI_AVX512 __m256 hyi_least_of_each_avx512(const __m256 v[8]) {
     return _mm256_min_ps(_mm256_permute2f128_ps(b[0], b[1], 0x20), _mm256_permute2f128_ps(b[0], b[1], 0x31));
 }
 
-/* Deals out a list of flights as far as it makes blocks of sixteen, and returns how far; least: of each child, where rays enter it, which
-   none asks of rays that any hit ends. */
+/* Deals out a list of flights as far as it makes blocks of sixteen, and returns how far; least: of each child, where rays enter it. */
 HYI_INLINE HYI_AVX512 uint32_t hyi_deal_sixteens_avx512(const hyi_flight *flights, hyi_centred_avx512 *boxes, const uint32_t *list, uint32_t count,
-                                                        uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH], bool any) {
+                                                        uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH]) {
     __m512 enters[HYI_WIDTH];
     uint32_t first = 0;
     for (uint32_t c = 0; c < HYI_WIDTH; c++) enters[c] = _mm512_set1_ps(FLT_MAX);
@@ -13750,15 +14200,12 @@ HYI_INLINE HYI_AVX512 uint32_t hyi_deal_sixteens_avx512(const hyi_flight *flight
         for (uint32_t c = 0; c < HYI_WIDTH; c++) {
             __m512 enter;
             __mmask16 takes = hyi_meet_child16_avx512(&slabs, boxes, c, &enter);
-            if (!any) enters[c] = _mm512_mask_min_ps(enters[c], takes, enters[c], enter);
+            enters[c] = _mm512_mask_min_ps(enters[c], takes, enters[c], enter);
             _mm512_storeu_si512(lists + (size_t)c * stride + dealt[c], _mm512_maskz_compress_epi32(takes, items));
             dealt[c] += (uint32_t)_mm_popcnt_u32(hyi_bits16_avx512(takes));
         }
     }
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        __m256 of_two = _mm256_min_ps(_mm512_castps512_ps256(enters[c]), _mm512_extractf32x8_ps(enters[c], 1));
-        least[c] = any ? _mm256_set1_ps(dealt[c] ? HYI_T_SOONEST : FLT_MAX) : of_two;
-    }
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) least[c] = _mm256_min_ps(_mm512_castps512_ps256(enters[c]), _mm512_extractf32x8_ps(enters[c], 1));
     return first;
 }
 
@@ -13790,8 +14237,7 @@ HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_swarm *swarm, co
     uint32_t first, taken[HYI_WIDTH] = {0}; /* apart from dealt, which lies in memory with the lists */
     if (count < 8u) return 0;
     hyi_centre_boxes_avx512(swarm, node, &boxes);
-    if (swarm->any) first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least, true);
-    else first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least, false);
+    first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least);
     first = hyi_deal_eights_avx512(swarm->flights, &boxes, list, first, count, lists, stride, taken, least);
     memcpy(dealt, taken, sizeof taken);
     *nearest = hyi_least_of_each_avx512(least);
@@ -13937,6 +14383,8 @@ HYI_INLINE HYI_AVX512 void hyi_records_avx512(float rows[HYI_RECORD_WORDS][HYI_P
 #define HYI_I(name) name##_avx512
 #define HYI_F8 __m256
 #define HYI_ALWAYS_EXACT 0
+#define HYI_EXACT_ALONE 0
+#define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_several_avx2(stack, node, enter, mask, ahead)
 #define HYI_M8 __mmask8
 #define HYI_LOAD8(p) _mm256_load_ps(p)
 #define HYI_LOADU8(p) _mm256_loadu_ps(p)
@@ -14252,12 +14700,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
     HYI_STORE8(verdicts->most, most);
 }
 
+/* Bits of the triangles that seem to be met beyond one of the limits: without a division, and without a bound of what is rounded. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_seem_beyond)(const HYI_I(hyi_sight) *sight, const HYI_F8 w[3], const HYI_F8 t[3]) {
+    HYI_F8 sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), total = HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), zero = HYI_ZERO8();
+    HYI_F8 from_near = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_near), sum)), sum);
+    HYI_F8 from_far = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_far), sum)), sum);
+    return HYI_BITS8(HYI_OR8(HYI_LT8(from_near, zero), HYI_LT8(zero, from_far)));
+}
+
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
-    HYI_I(hyi_corners) k[3];
+   mean of t at the corners. exact: nothing is certain. alone: hits are decided on at once, so a closer look is for what seems to be
+   no hit, such as the triangle that the ray comes from. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_corners)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], uint32_t count, bool exact,
+                                                              bool alone) {
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
     for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
@@ -14266,19 +14722,34 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    if (!verdicts.possible || exact || (alone && !(HYI_I(hyi_seem_beyond)(sight, w, t) & verdicts.possible))) return verdicts;
+    HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
+/* Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, HYI_I(hyi_corners) k[3]) {
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_shear_triangles)(sight, rows, count, k);
+    return HYI_I(hyi_meet_corners)(sight, k, count, exact, false);
+}
+
 /* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
-HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer_sheared)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, const float *sheared) {
     uint32_t waits = flight->aim.leaf;
     if (waits) {
         flight->aim.leaf = 0;
-        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, waits, flight->aim.lane, NULL);
     }
-    return hyi_decide(site, flight, leaf, lane);
+    return hyi_decide_sheared(site, flight, leaf, lane, sheared);
+}
+
+HYI_FN HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    return HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, NULL);
 }
 
 /* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
@@ -14317,10 +14788,20 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. false: there were none, and nothing has changed. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_corners) k[3];
+    float sheared[6][8];
+    HYI_I(hyi_shear_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), k);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_corners)(&sight, k, hyi_leaf_count(leaf), HYI_EXACT_ALONE || flight->aim.exact, true);
     if (!verdicts.possible) return false;
     hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    for (int i = 0; i < 3; i++) {
+        HYI_STORE8(sheared[2 * i], k[i].x);
+        HYI_STORE8(sheared[2 * i + 1], k[i].y);
+    }
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, &sheared[0][lane]);
+    }
     return true;
 }
 
@@ -14337,10 +14818,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             at = HYI_CHILD_NONE;
             if (!mask) break;
-            uint32_t first = hyi_lowest_bit(mask);
-            mask &= mask - 1u;
-            at = node->child[first];
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            uint32_t others = mask & (mask - 1u);
+            at = node->child[hyi_lowest_bit(mask)];
+            if (others & (others - 1u)) at = HYI_PUSH_SEVERAL(&top, node, enter, mask, any ? NULL : &ahead);
+            else if (others) at = hyi_push_farther(&top, node->child, enter, mask, any ? NULL : &ahead);
             else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
@@ -14375,7 +14856,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, mask, NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
@@ -14932,12 +15413,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, uint32_t l
     visitors->count = waiting;
 }
 
-/* How far a packet, or pair, still looks after a hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet) {
+/* How far a packet, or pair, still looks after a hit, and how closely. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet, bool any) {
     hyi_packet *lead = &swarm->packets[packet->lead];
     HYI_FW t_far = HYI_LOADW(lead->t_far);
     if (lead->mate != HYK_NONE) t_far = HYI_MAXW(t_far, HYI_LOADW(swarm->packets[lead->mate].t_far));
     lead->last_t = HYI_GREATESTW(t_far);
+    if (any && 2u * hyi_count_lanes(HYI_BITSW(HYI_LTW(HYI_SETW(-FLT_MAX), t_far))) <= HYI_LANES) lead->many_children = HYI_MANY_FOR_FEW;
 }
 
 /* Packets that wait meet their leaves. */
@@ -14952,7 +15434,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_admit)(const hyi_swarm *swarm, bool any) {
         } else {
             found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
-        if (found) HYI_I(hyi_limit_packet)(swarm, packet);
+        if (found) HYI_I(hyi_limit_packet)(swarm, packet, any);
     }
     visitors->count = 0;
 }
@@ -15024,6 +15506,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     }
     HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
     packet->waiting = 0;
+    packet->many_children = HYI_MANY_CHILDREN;
     packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
@@ -15756,6 +16239,7 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *s
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        hyi_prefetch_leaf_early(swarm->site.bvh, leaves[i + HYI_LEAVES_EARLY < count ? i + HYI_LEAVES_EARLY : i]);
         hyi_prefetch_child(swarm->site.bvh, leaves[i + 3u < count ? i + 3u : i]);
         hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }
@@ -15861,7 +16345,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
             uint32_t met = HYI_BITS8(mask);
             masks.bytes[i] = (uint8_t)met;
             unsure[doubts] = i;
-            doubts += packet->spread && hyi_count_bits(met) >= HYI_MANY_CHILDREN ? 1u : 0u;
+            doubts += packet->spread && hyi_count_bits(met) >= packet->many_children ? 1u : 0u;
         }
         for (uint32_t k = 0; k < doubts; k++) {
             uint32_t i = unsure[k];
@@ -15972,7 +16456,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uin
 /* Deals a list out at a node, which comes on top of a journey. Children are visited nearest first; where any hit does, leaves
    come before all else, since they end rays the soonest. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_swarm *swarm = journey->swarm;
     const hyi_bvh *bvh = swarm->site.bvh;
     const hyi_node *node = &bvh->nodes[at];
     hyi_frame *frame = &journey->frames[journey->depth++];
@@ -15993,20 +16477,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
     frame->children = hyi_count_bits(mask);
 }
 
-/* Sends a list on to what is no leaf of triangles; returns whether it has come to a node. Where memory for lists is short, rays go
-   one by one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
-    const hyi_swarm *swarm = &journey->swarm;
+/* Sends a list on to what is no leaf of triangles. Where memory for lists is short, rays go one by one. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+    const hyi_swarm *swarm = journey->swarm;
     bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
-    if (!fits) {
-        *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    } else if (hyi_child_is_leaf(at)) {
-        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else {
-        HYI_I(hyi_arrive)(journey, at, list, count, space);
-        return true;
-    }
-    return false;
+    if (!fits) *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    else if (hyi_child_is_leaf(at)) HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    else HYI_I(hyi_arrive)(journey, at, list, count, space);
 }
 
 /* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
@@ -16036,10 +16513,12 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hy
     uint32_t next = 0, hits = 0;
     while (next < w->at_nodes) {
         uint32_t i = w->at_nodes <= HYI_NODES_ENOUGH ? next++ : --w->at_nodes, ahead = next + 3u < w->at_nodes ? next + 3u : i;
+        uint32_t early = next + HYI_NODES_EARLY < w->at_nodes ? next + HYI_NODES_EARLY : i;
         const hyi_node *node = &bvh->nodes[w->nodes[i]];
         const hyi_aim *aim = &swarm->flights[w->node_rays[i]].aim;
         HYI_I(hyi_planes) planes;
         HYI_F8 enter;
+        hyi_prefetch_node_early(bvh, w->nodes[early]);
         hyi_prefetch_child(bvh, w->nodes[ahead]);
         hyi_prefetch(&swarm->flights[w->node_rays[ahead]]);
         HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
@@ -16054,8 +16533,8 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hy
 /* Flights that wait go on where there are enough of them. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_waiters)(hyi_journey *journey, uint32_t nodes, uint32_t leaves) {
     uint32_t hits = 0;
-    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(&journey->swarm, &journey->waiters);
-    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(&journey->swarm, &journey->waiters);
+    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(journey->swarm, &journey->waiters);
+    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(journey->swarm, &journey->waiters);
     return hits;
 }
 
@@ -16078,7 +16557,7 @@ HYI_INLINE void HYI_I(hyi_wait_at_leaf)(hyi_waiters *w, uint32_t leaf, float ent
 
 /* Offers the leaves that come next among a frame's children to their lists. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
-    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_swarm *swarm = journey->swarm;
     bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
     for (; frame->next < frame->children; frame->next++) {
         uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
@@ -16090,55 +16569,37 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_fram
     frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
-/* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
-    const hyi_swarm *swarm = &journey->swarm;
-    while (journey->depth) {
-        hyi_frame *frame = &journey->frames[journey->depth - 1u];
-        if (frame->next == frame->children) {
-            if (--journey->depth) frame[-1].hits += frame->hits;
-            continue;
-        }
-        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
-            HYI_I(hyi_list_leaves)(journey, frame);
-            continue;
-        }
-        frame->next++;
-        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
-            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
-            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
-            continue;
-        }
-        if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+/* Goes on from a node to the first of its children not yet visited, or back. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_advance)(hyi_journey *journey) {
+    const hyi_swarm *swarm = journey->swarm;
+    hyi_frame *frame = &journey->frames[journey->depth - 1u];
+    if (frame->next == frame->children) {
+        if (--journey->depth) frame[-1].hits += frame->hits;
+        return;
     }
-    return false;
+    uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+        HYI_I(hyi_list_leaves)(journey, frame);
+        return;
+    }
+    frame->next++;
+    if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+        HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+        frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+        return;
+    }
+    HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits);
 }
 
-/* Into how many parts a list is cut. Each has shorter lists, and visits more nodes for its rays: only waiting for memory is dearer,
-   and rays that any hit ends wait little. */
-HYI_INLINE uint32_t HYI_I(hyi_count_journeys)(const hyi_swarm *swarm, uint32_t count) {
-    bool waits = !swarm->any && swarm->site.bvh->bytes >= HYI_LARGE_TREE;
-    return waits && count >= HYI_JOURNEYS * HYI_STREAM_LEAST ? HYI_JOURNEYS : 1u;
-}
-
-/* Sends a list of flights through a tree with nodes, in parts that take turns: while what one comes to is on its way from memory,
-   the others go on. space: memory for lists, up to swarm->lists_end. */
+/* Sends a list of flights through a tree with nodes. space: memory for lists, up to swarm->lists_end. */
 HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
-    hyi_journey journeys[HYI_JOURNEYS];
-    uint32_t parts = HYI_I(hyi_count_journeys)(swarm, count), share = (count + parts - 1u) / parts, hits = 0, going = 0;
-    size_t room = (size_t)(swarm->lists_end - space) / parts;
-    for (uint32_t k = 0; k < parts; k++) {
-        uint32_t first = k * share, some = count - first < share ? count - first : share;
-        journeys[k].swarm = *swarm;
-        journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = journeys[k].waiters.at_leaves = journeys[k].waiters.at_nodes = 0;
-        going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
-    }
-    while (going)
-        for (uint32_t k = 0; k < parts; k++)
-            if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
-    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_run_waiters)(&journeys[k], 0, 0);
+    hyi_journey journey;
+    uint32_t hits = 0;
+    journey.swarm = swarm;
+    journey.depth = journey.waiters.at_leaves = journey.waiters.at_nodes = 0;
+    HYI_I(hyi_go_on)(&journey, swarm->site.bvh->root, list, count, space, &hits);
+    while (journey.depth) HYI_I(hyi_advance)(&journey);
+    (void)HYI_I(hyi_run_waiters)(&journey, 0, 0);
 }
 
 /* The same, of any tree. */
@@ -16287,6 +16748,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXACT_ALONE
 #undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
@@ -16362,6 +16824,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_PUSH_SEVERAL
 #undef HYI_RAY_WORDS
 #undef HYI_RECORDS
 #undef HYI_SIGNED4
@@ -16433,6 +16896,7 @@ HYI_INLINE HYI_SSE42 float hyi_least4_sse42(__m128 a) {
 
 #define HYI_TARGET HYI_SSE42
 #define HYI_I(name) name##_sse42
+#define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_farther(stack, (node)->child, enter, mask, ahead)
 /* ---- four floats in the words of x86, for the instruction sets that have them: all */
 
 #define HYI_F4 __m128
@@ -16686,6 +17150,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 
 #define HYI_F8 HYI_I(hyi_f8)
 #define HYI_ALWAYS_EXACT 0
+#define HYI_EXACT_ALONE 1 /* eight in two steps: for one ray that costs what it spares */
 #define HYI_M8 HYI_I(hyi_m8)
 #define HYI_LOAD8(p) HYI_I(hyi_load_plane)(p)
 #define HYI_LOADU8(p) HYI_I(hyi_load8)(p)
@@ -16954,12 +17419,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
     HYI_STORE8(verdicts->most, most);
 }
 
+/* Bits of the triangles that seem to be met beyond one of the limits: without a division, and without a bound of what is rounded. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_seem_beyond)(const HYI_I(hyi_sight) *sight, const HYI_F8 w[3], const HYI_F8 t[3]) {
+    HYI_F8 sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), total = HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), zero = HYI_ZERO8();
+    HYI_F8 from_near = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_near), sum)), sum);
+    HYI_F8 from_far = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_far), sum)), sum);
+    return HYI_BITS8(HYI_OR8(HYI_LT8(from_near, zero), HYI_LT8(zero, from_far)));
+}
+
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
-    HYI_I(hyi_corners) k[3];
+   mean of t at the corners. exact: nothing is certain. alone: hits are decided on at once, so a closer look is for what seems to be
+   no hit, such as the triangle that the ray comes from. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_corners)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], uint32_t count, bool exact,
+                                                              bool alone) {
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
     for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
@@ -16968,19 +17441,34 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    if (!verdicts.possible || exact || (alone && !(HYI_I(hyi_seem_beyond)(sight, w, t) & verdicts.possible))) return verdicts;
+    HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
+/* Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, HYI_I(hyi_corners) k[3]) {
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_shear_triangles)(sight, rows, count, k);
+    return HYI_I(hyi_meet_corners)(sight, k, count, exact, false);
+}
+
 /* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
-HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer_sheared)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, const float *sheared) {
     uint32_t waits = flight->aim.leaf;
     if (waits) {
         flight->aim.leaf = 0;
-        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, waits, flight->aim.lane, NULL);
     }
-    return hyi_decide(site, flight, leaf, lane);
+    return hyi_decide_sheared(site, flight, leaf, lane, sheared);
+}
+
+HYI_FN HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    return HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, NULL);
 }
 
 /* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
@@ -17019,10 +17507,20 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. false: there were none, and nothing has changed. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_corners) k[3];
+    float sheared[6][8];
+    HYI_I(hyi_shear_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), k);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_corners)(&sight, k, hyi_leaf_count(leaf), HYI_EXACT_ALONE || flight->aim.exact, true);
     if (!verdicts.possible) return false;
     hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    for (int i = 0; i < 3; i++) {
+        HYI_STORE8(sheared[2 * i], k[i].x);
+        HYI_STORE8(sheared[2 * i + 1], k[i].y);
+    }
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, &sheared[0][lane]);
+    }
     return true;
 }
 
@@ -17039,10 +17537,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             at = HYI_CHILD_NONE;
             if (!mask) break;
-            uint32_t first = hyi_lowest_bit(mask);
-            mask &= mask - 1u;
-            at = node->child[first];
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            uint32_t others = mask & (mask - 1u);
+            at = node->child[hyi_lowest_bit(mask)];
+            if (others & (others - 1u)) at = HYI_PUSH_SEVERAL(&top, node, enter, mask, any ? NULL : &ahead);
+            else if (others) at = hyi_push_farther(&top, node->child, enter, mask, any ? NULL : &ahead);
             else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
@@ -17077,7 +17575,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, mask, NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
@@ -17634,12 +18132,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, uint32_t l
     visitors->count = waiting;
 }
 
-/* How far a packet, or pair, still looks after a hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet) {
+/* How far a packet, or pair, still looks after a hit, and how closely. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet, bool any) {
     hyi_packet *lead = &swarm->packets[packet->lead];
     HYI_FW t_far = HYI_LOADW(lead->t_far);
     if (lead->mate != HYK_NONE) t_far = HYI_MAXW(t_far, HYI_LOADW(swarm->packets[lead->mate].t_far));
     lead->last_t = HYI_GREATESTW(t_far);
+    if (any && 2u * hyi_count_lanes(HYI_BITSW(HYI_LTW(HYI_SETW(-FLT_MAX), t_far))) <= HYI_LANES) lead->many_children = HYI_MANY_FOR_FEW;
 }
 
 /* Packets that wait meet their leaves. */
@@ -17654,7 +18153,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_admit)(const hyi_swarm *swarm, bool any) {
         } else {
             found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
-        if (found) HYI_I(hyi_limit_packet)(swarm, packet);
+        if (found) HYI_I(hyi_limit_packet)(swarm, packet, any);
     }
     visitors->count = 0;
 }
@@ -17726,6 +18225,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     }
     HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
     packet->waiting = 0;
+    packet->many_children = HYI_MANY_CHILDREN;
     packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
@@ -18491,6 +18991,7 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *s
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        hyi_prefetch_leaf_early(swarm->site.bvh, leaves[i + HYI_LEAVES_EARLY < count ? i + HYI_LEAVES_EARLY : i]);
         hyi_prefetch_child(swarm->site.bvh, leaves[i + 3u < count ? i + 3u : i]);
         hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }
@@ -18596,7 +19097,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
             uint32_t met = HYI_BITS8(mask);
             masks.bytes[i] = (uint8_t)met;
             unsure[doubts] = i;
-            doubts += packet->spread && hyi_count_bits(met) >= HYI_MANY_CHILDREN ? 1u : 0u;
+            doubts += packet->spread && hyi_count_bits(met) >= packet->many_children ? 1u : 0u;
         }
         for (uint32_t k = 0; k < doubts; k++) {
             uint32_t i = unsure[k];
@@ -18707,7 +19208,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uin
 /* Deals a list out at a node, which comes on top of a journey. Children are visited nearest first; where any hit does, leaves
    come before all else, since they end rays the soonest. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_swarm *swarm = journey->swarm;
     const hyi_bvh *bvh = swarm->site.bvh;
     const hyi_node *node = &bvh->nodes[at];
     hyi_frame *frame = &journey->frames[journey->depth++];
@@ -18728,20 +19229,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
     frame->children = hyi_count_bits(mask);
 }
 
-/* Sends a list on to what is no leaf of triangles; returns whether it has come to a node. Where memory for lists is short, rays go
-   one by one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
-    const hyi_swarm *swarm = &journey->swarm;
+/* Sends a list on to what is no leaf of triangles. Where memory for lists is short, rays go one by one. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+    const hyi_swarm *swarm = journey->swarm;
     bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
-    if (!fits) {
-        *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    } else if (hyi_child_is_leaf(at)) {
-        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else {
-        HYI_I(hyi_arrive)(journey, at, list, count, space);
-        return true;
-    }
-    return false;
+    if (!fits) *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    else if (hyi_child_is_leaf(at)) HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    else HYI_I(hyi_arrive)(journey, at, list, count, space);
 }
 
 /* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
@@ -18771,10 +19265,12 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hy
     uint32_t next = 0, hits = 0;
     while (next < w->at_nodes) {
         uint32_t i = w->at_nodes <= HYI_NODES_ENOUGH ? next++ : --w->at_nodes, ahead = next + 3u < w->at_nodes ? next + 3u : i;
+        uint32_t early = next + HYI_NODES_EARLY < w->at_nodes ? next + HYI_NODES_EARLY : i;
         const hyi_node *node = &bvh->nodes[w->nodes[i]];
         const hyi_aim *aim = &swarm->flights[w->node_rays[i]].aim;
         HYI_I(hyi_planes) planes;
         HYI_F8 enter;
+        hyi_prefetch_node_early(bvh, w->nodes[early]);
         hyi_prefetch_child(bvh, w->nodes[ahead]);
         hyi_prefetch(&swarm->flights[w->node_rays[ahead]]);
         HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
@@ -18789,8 +19285,8 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hy
 /* Flights that wait go on where there are enough of them. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_waiters)(hyi_journey *journey, uint32_t nodes, uint32_t leaves) {
     uint32_t hits = 0;
-    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(&journey->swarm, &journey->waiters);
-    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(&journey->swarm, &journey->waiters);
+    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(journey->swarm, &journey->waiters);
+    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(journey->swarm, &journey->waiters);
     return hits;
 }
 
@@ -18813,7 +19309,7 @@ HYI_INLINE void HYI_I(hyi_wait_at_leaf)(hyi_waiters *w, uint32_t leaf, float ent
 
 /* Offers the leaves that come next among a frame's children to their lists. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
-    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_swarm *swarm = journey->swarm;
     bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
     for (; frame->next < frame->children; frame->next++) {
         uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
@@ -18825,55 +19321,37 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_fram
     frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
-/* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
-    const hyi_swarm *swarm = &journey->swarm;
-    while (journey->depth) {
-        hyi_frame *frame = &journey->frames[journey->depth - 1u];
-        if (frame->next == frame->children) {
-            if (--journey->depth) frame[-1].hits += frame->hits;
-            continue;
-        }
-        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
-            HYI_I(hyi_list_leaves)(journey, frame);
-            continue;
-        }
-        frame->next++;
-        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
-            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
-            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
-            continue;
-        }
-        if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+/* Goes on from a node to the first of its children not yet visited, or back. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_advance)(hyi_journey *journey) {
+    const hyi_swarm *swarm = journey->swarm;
+    hyi_frame *frame = &journey->frames[journey->depth - 1u];
+    if (frame->next == frame->children) {
+        if (--journey->depth) frame[-1].hits += frame->hits;
+        return;
     }
-    return false;
+    uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+        HYI_I(hyi_list_leaves)(journey, frame);
+        return;
+    }
+    frame->next++;
+    if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+        HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+        frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+        return;
+    }
+    HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits);
 }
 
-/* Into how many parts a list is cut. Each has shorter lists, and visits more nodes for its rays: only waiting for memory is dearer,
-   and rays that any hit ends wait little. */
-HYI_INLINE uint32_t HYI_I(hyi_count_journeys)(const hyi_swarm *swarm, uint32_t count) {
-    bool waits = !swarm->any && swarm->site.bvh->bytes >= HYI_LARGE_TREE;
-    return waits && count >= HYI_JOURNEYS * HYI_STREAM_LEAST ? HYI_JOURNEYS : 1u;
-}
-
-/* Sends a list of flights through a tree with nodes, in parts that take turns: while what one comes to is on its way from memory,
-   the others go on. space: memory for lists, up to swarm->lists_end. */
+/* Sends a list of flights through a tree with nodes. space: memory for lists, up to swarm->lists_end. */
 HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
-    hyi_journey journeys[HYI_JOURNEYS];
-    uint32_t parts = HYI_I(hyi_count_journeys)(swarm, count), share = (count + parts - 1u) / parts, hits = 0, going = 0;
-    size_t room = (size_t)(swarm->lists_end - space) / parts;
-    for (uint32_t k = 0; k < parts; k++) {
-        uint32_t first = k * share, some = count - first < share ? count - first : share;
-        journeys[k].swarm = *swarm;
-        journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = journeys[k].waiters.at_leaves = journeys[k].waiters.at_nodes = 0;
-        going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
-    }
-    while (going)
-        for (uint32_t k = 0; k < parts; k++)
-            if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
-    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_run_waiters)(&journeys[k], 0, 0);
+    hyi_journey journey;
+    uint32_t hits = 0;
+    journey.swarm = swarm;
+    journey.depth = journey.waiters.at_leaves = journey.waiters.at_nodes = 0;
+    HYI_I(hyi_go_on)(&journey, swarm->site.bvh->root, list, count, space, &hits);
+    while (journey.depth) HYI_I(hyi_advance)(&journey);
+    (void)HYI_I(hyi_run_waiters)(&journey, 0, 0);
 }
 
 /* The same, of any tree. */
@@ -19022,6 +19500,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXACT_ALONE
 #undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
@@ -19097,6 +19576,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_PUSH_SEVERAL
 #undef HYI_RAY_WORDS
 #undef HYI_RECORDS
 #undef HYI_SIGNED4
@@ -19183,6 +19663,7 @@ HYI_INLINE void hyi_store_places4_neon(uint32_t *at, uint32x4_t bits) {
 
 #define HYI_TARGET
 #define HYI_I(name) name##_neon
+#define HYI_PUSH_SEVERAL(stack, node, enter, mask, ahead) hyi_push_farther(stack, (node)->child, enter, mask, ahead)
 #define HYI_F4 float32x4_t
 #define HYI_M4 uint32x4_t
 #define HYI_LOAD4(p) vld1q_f32(p)
@@ -19403,6 +19884,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_out)(const uint32_t *items, const hyi_
 
 #define HYI_F8 HYI_I(hyi_f8)
 #define HYI_ALWAYS_EXACT 0
+#define HYI_EXACT_ALONE 1 /* eight in two steps: for one ray that costs what it spares */
 #define HYI_M8 HYI_I(hyi_m8)
 #define HYI_LOAD8(p) HYI_I(hyi_load_plane)(p)
 #define HYI_LOADU8(p) HYI_I(hyi_load8)(p)
@@ -19671,12 +20153,20 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_judge_triangles)(const HYI_I(hyi_sight) *si
     HYI_STORE8(verdicts->most, most);
 }
 
+/* Bits of the triangles that seem to be met beyond one of the limits: without a division, and without a bound of what is rounded. */
+HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_seem_beyond)(const HYI_I(hyi_sight) *sight, const HYI_F8 w[3], const HYI_F8 t[3]) {
+    HYI_F8 sum = HYI_ADD8(HYI_ADD8(w[0], w[1]), w[2]), total = HYI_MAD8(w[2], t[2], HYI_MAD8(w[1], t[1], HYI_MUL8(w[0], t[0]))), zero = HYI_ZERO8();
+    HYI_F8 from_near = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_near), sum)), sum);
+    HYI_F8 from_far = HYI_MUL8(HYI_SUB8(total, HYI_MUL8(HYI_SET8(sight->t_far), sum)), sum);
+    return HYI_BITS8(HYI_OR8(HYI_LT8(from_near, zero), HYI_LT8(zero, from_far)));
+}
+
 /* Possible at first: edge functions not of both signs, and not all corners beyond one of the limits, since t of a hit is a
-   mean of t at the corners. Lanes past count hold other triangles of the tree, or zeros. exact: nothing is certain. */
-HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
-    HYI_I(hyi_corners) k[3];
+   mean of t at the corners. exact: nothing is certain. alone: hits are decided on at once, so a closer look is for what seems to be
+   no hit, such as the triangle that the ray comes from. */
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_corners)(const HYI_I(hyi_sight) *sight, const HYI_I(hyi_corners) k[3], uint32_t count, bool exact,
+                                                              bool alone) {
     HYI_I(hyi_verdicts) verdicts;
-    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
     HYI_F8 w[3] = {HYI_I(hyi_cross)(k[2], k[1]), HYI_I(hyi_cross)(k[0], k[2]), HYI_I(hyi_cross)(k[1], k[0])}, t[3];
     HYI_F8 least = HYI_MIN8(HYI_MIN8(w[0], w[1]), w[2]), most = HYI_MAX8(HYI_MAX8(w[0], w[1]), w[2]), zero = HYI_ZERO8();
     for (int i = 0; i < 3; i++) t[i] = HYI_MUL8(k[i].z, HYI_SET8(sight->inverse_z));
@@ -19685,19 +20175,34 @@ HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(
     HYI_M8 beyond = HYI_OR8(HYI_LT8(HYI_SET8(sight->t_far), first), HYI_LT8(last, HYI_SET8(sight->t_near)));
     verdicts.possible = ~HYI_BITS8(HYI_OR8(outside, beyond)) & ((1u << count) - 1u);
     verdicts.certain = 0;
-    if (verdicts.possible && !exact)
-        HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
+    if (!verdicts.possible || exact || (alone && !(HYI_I(hyi_seem_beyond)(sight, w, t) & verdicts.possible))) return verdicts;
+    HYI_I(hyi_judge_triangles)(sight, k, w, t, first, last, HYI_OR8(HYI_LT8(zero, least), HYI_LT8(most, zero)), &verdicts);
     return verdicts;
 }
 
+/* Lanes past count hold other triangles of the tree, or zeros. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_shear_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, HYI_I(hyi_corners) k[3]) {
+    for (uint32_t i = 0; i < 3; i++) k[i] = HYI_I(hyi_shear_corners)(sight, rows + 3u * i * count, count);
+}
+
+HYI_INLINE HYI_TARGET HYI_I(hyi_verdicts) HYI_I(hyi_meet_triangles)(const HYI_I(hyi_sight) *sight, const float *rows, uint32_t count, bool exact) {
+    HYI_I(hyi_corners) k[3];
+    HYI_I(hyi_shear_triangles)(sight, rows, count, k);
+    return HYI_I(hyi_meet_corners)(sight, k, count, exact, false);
+}
+
 /* hyi_decide, after what was put off. Out of line: decisions would take the registers of the walk. */
-HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+HYI_NOINLINE HYI_TARGET bool HYI_I(hyi_offer_sheared)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane, const float *sheared) {
     uint32_t waits = flight->aim.leaf;
     if (waits) {
         flight->aim.leaf = 0;
-        (void)HYI_I(hyi_offer)(site, flight, waits, flight->aim.lane);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, waits, flight->aim.lane, NULL);
     }
-    return hyi_decide(site, flight, leaf, lane);
+    return hyi_decide_sheared(site, flight, leaf, lane, sheared);
+}
+
+HYI_FN HYI_TARGET bool HYI_I(hyi_offer)(const hyi_site *site, hyi_flight *flight, uint32_t leaf, uint32_t lane) {
+    return HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, NULL);
 }
 
 /* Takes a triangle that is certainly hit, at t between least and most: puts it off where that is nearer than all before,
@@ -19736,10 +20241,20 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_offer_leaf)(const hyi_site *site, hyi_fligh
    most of those are hit. false: there were none, and nothing has changed. */
 HYI_INLINE HYI_TARGET bool HYI_I(hyi_decide_leaf)(const hyi_site *site, hyi_flight *flight, uint32_t leaf) {
     HYI_I(hyi_sight) sight = HYI_I(hyi_sight_of)(&flight->aim);
-    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), true);
+    HYI_I(hyi_corners) k[3];
+    float sheared[6][8];
+    HYI_I(hyi_shear_triangles)(&sight, hyi_leaf_rows(site->bvh, leaf), hyi_leaf_count(leaf), k);
+    HYI_I(hyi_verdicts) verdicts = HYI_I(hyi_meet_corners)(&sight, k, hyi_leaf_count(leaf), HYI_EXACT_ALONE || flight->aim.exact, true);
     if (!verdicts.possible) return false;
     hyi_prefetch(&site->bvh->ids[hyi_leaf_first(leaf)]);
-    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) (void)HYI_I(hyi_offer)(site, flight, leaf, hyi_lowest_bit(mask));
+    for (int i = 0; i < 3; i++) {
+        HYI_STORE8(sheared[2 * i], k[i].x);
+        HYI_STORE8(sheared[2 * i + 1], k[i].y);
+    }
+    for (uint32_t mask = verdicts.possible; mask; mask &= mask - 1u) {
+        uint32_t lane = hyi_lowest_bit(mask);
+        (void)HYI_I(hyi_offer_sheared)(site, flight, leaf, lane, &sheared[0][lane]);
+    }
     return true;
 }
 
@@ -19756,10 +20271,10 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_walk_triangles)(const hyi_site *site, hyi_f
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             at = HYI_CHILD_NONE;
             if (!mask) break;
-            uint32_t first = hyi_lowest_bit(mask);
-            mask &= mask - 1u;
-            at = node->child[first];
-            if (mask) at = hyi_push_farther(&top, node->child, enter, first, mask, any ? NULL : &ahead);
+            uint32_t others = mask & (mask - 1u);
+            at = node->child[hyi_lowest_bit(mask)];
+            if (others & (others - 1u)) at = HYI_PUSH_SEVERAL(&top, node, enter, mask, any ? NULL : &ahead);
+            else if (others) at = hyi_push_farther(&top, node->child, enter, mask, any ? NULL : &ahead);
             else if (!any) hyi_ask_for(&ahead, at);
         }
         if (at != HYI_CHILD_NONE && any) {
@@ -19794,7 +20309,7 @@ HYI_NOINLINE HYI_TARGET void HYI_I(hyi_walk_boxes)(const hyi_bvh *bvh, hyi_fligh
             const hyi_node *node = &bvh->nodes[at];
             uint32_t mask = HYI_I(hyi_visit_node)(&flight->aim, node, enter);
             if (mask) {
-                uint32_t nearest = hyi_push_farther(&top, node->child, enter, hyi_lowest_bit(mask), mask & (mask - 1u), NULL);
+                uint32_t nearest = hyi_push_farther(&top, node->child, enter, mask, NULL);
                 *top++ = hyi_waiting_of(nearest, -FLT_MAX);
             }
         }
@@ -20351,12 +20866,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_receive)(const hyi_swarm *swarm, uint32_t l
     visitors->count = waiting;
 }
 
-/* How far a packet, or pair, still looks after a hit. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet) {
+/* How far a packet, or pair, still looks after a hit, and how closely. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_limit_packet)(const hyi_swarm *swarm, const hyi_packet *packet, bool any) {
     hyi_packet *lead = &swarm->packets[packet->lead];
     HYI_FW t_far = HYI_LOADW(lead->t_far);
     if (lead->mate != HYK_NONE) t_far = HYI_MAXW(t_far, HYI_LOADW(swarm->packets[lead->mate].t_far));
     lead->last_t = HYI_GREATESTW(t_far);
+    if (any && 2u * hyi_count_lanes(HYI_BITSW(HYI_LTW(HYI_SETW(-FLT_MAX), t_far))) <= HYI_LANES) lead->many_children = HYI_MANY_FOR_FEW;
 }
 
 /* Packets that wait meet their leaves. */
@@ -20371,7 +20887,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_admit)(const hyi_swarm *swarm, bool any) {
         } else {
             found = HYI_I(hyi_offer_leaf_to_all)(swarm, packet, leaf, any);
         }
-        if (found) HYI_I(hyi_limit_packet)(swarm, packet);
+        if (found) HYI_I(hyi_limit_packet)(swarm, packet, any);
     }
     visitors->count = 0;
 }
@@ -20443,6 +20959,7 @@ HYI_INLINE HYI_TARGET bool HYI_I(hyi_bound_packet)(const hyi_box *box, hyi_packe
     }
     HYI_STOREW(packet->least_t, HYI_LOADW(packet->best_t));
     packet->waiting = 0;
+    packet->many_children = HYI_MANY_CHILDREN;
     packet->first_t = HYI_LEASTW(HYI_LOADW(packet->t_near));
     packet->last_t = HYI_GREATESTW(HYI_LOADW(packet->t_far));
     return true;
@@ -21208,6 +21725,7 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_offer_leaves_each)(const hyi_swarm *s
     uint32_t hits = 0;
     for (uint32_t i = 0; i < count; i++) {
         hyi_prefetch_flight(&swarm->flights[list[i + 1u < count ? i + 1u : i]]);
+        hyi_prefetch_leaf_early(swarm->site.bvh, leaves[i + HYI_LEAVES_EARLY < count ? i + HYI_LEAVES_EARLY : i]);
         hyi_prefetch_child(swarm->site.bvh, leaves[i + 3u < count ? i + 3u : i]);
         hits += HYI_I(hyi_offer_leaf_alone)(swarm, &swarm->flights[list[i]], leaves[i]) ? 1u : 0u;
     }
@@ -21313,7 +21831,7 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_deal_packets)(const hyi_swarm *swarm, const
             uint32_t met = HYI_BITS8(mask);
             masks.bytes[i] = (uint8_t)met;
             unsure[doubts] = i;
-            doubts += packet->spread && hyi_count_bits(met) >= HYI_MANY_CHILDREN ? 1u : 0u;
+            doubts += packet->spread && hyi_count_bits(met) >= packet->many_children ? 1u : 0u;
         }
         for (uint32_t k = 0; k < doubts; k++) {
             uint32_t i = unsure[k];
@@ -21424,7 +21942,7 @@ HYI_FN HYI_TARGET void HYI_I(hyi_list_visit_packets)(const hyi_swarm *swarm, uin
 /* Deals a list out at a node, which comes on top of a journey. Children are visited nearest first; where any hit does, leaves
    come before all else, since they end rays the soonest. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space) {
-    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_swarm *swarm = journey->swarm;
     const hyi_bvh *bvh = swarm->site.bvh;
     const hyi_node *node = &bvh->nodes[at];
     hyi_frame *frame = &journey->frames[journey->depth++];
@@ -21445,20 +21963,13 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
     frame->children = hyi_count_bits(mask);
 }
 
-/* Sends a list on to what is no leaf of triangles; returns whether it has come to a node. Where memory for lists is short, rays go
-   one by one. */
-HYI_INLINE HYI_TARGET bool HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
-    const hyi_swarm *swarm = &journey->swarm;
+/* Sends a list on to what is no leaf of triangles. Where memory for lists is short, rays go one by one. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+    const hyi_swarm *swarm = journey->swarm;
     bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
-    if (!fits) {
-        *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    } else if (hyi_child_is_leaf(at)) {
-        HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    } else {
-        HYI_I(hyi_arrive)(journey, at, list, count, space);
-        return true;
-    }
-    return false;
+    if (!fits) *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
+    else if (hyi_child_is_leaf(at)) HYI_I(hyi_list_enter)(swarm, at, list, count, space);
+    else HYI_I(hyi_arrive)(journey, at, list, count, space);
 }
 
 /* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
@@ -21488,10 +21999,12 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hy
     uint32_t next = 0, hits = 0;
     while (next < w->at_nodes) {
         uint32_t i = w->at_nodes <= HYI_NODES_ENOUGH ? next++ : --w->at_nodes, ahead = next + 3u < w->at_nodes ? next + 3u : i;
+        uint32_t early = next + HYI_NODES_EARLY < w->at_nodes ? next + HYI_NODES_EARLY : i;
         const hyi_node *node = &bvh->nodes[w->nodes[i]];
         const hyi_aim *aim = &swarm->flights[w->node_rays[i]].aim;
         HYI_I(hyi_planes) planes;
         HYI_F8 enter;
+        hyi_prefetch_node_early(bvh, w->nodes[early]);
         hyi_prefetch_child(bvh, w->nodes[ahead]);
         hyi_prefetch(&swarm->flights[w->node_rays[ahead]]);
         HYI_I(hyi_order_planes)(node, aim->near_plane, &planes);
@@ -21506,8 +22019,8 @@ HYI_NOINLINE HYI_TARGET uint32_t HYI_I(hyi_run_nodes)(const hyi_swarm *swarm, hy
 /* Flights that wait go on where there are enough of them. */
 HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_waiters)(hyi_journey *journey, uint32_t nodes, uint32_t leaves) {
     uint32_t hits = 0;
-    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(&journey->swarm, &journey->waiters);
-    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(&journey->swarm, &journey->waiters);
+    if (journey->waiters.at_nodes >= nodes) hits = HYI_I(hyi_run_nodes)(journey->swarm, &journey->waiters);
+    if (journey->waiters.at_leaves >= leaves) hits += HYI_I(hyi_run_leaves)(journey->swarm, &journey->waiters);
     return hits;
 }
 
@@ -21530,7 +22043,7 @@ HYI_INLINE void HYI_I(hyi_wait_at_leaf)(hyi_waiters *w, uint32_t leaf, float ent
 
 /* Offers the leaves that come next among a frame's children to their lists. */
 HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_frame *frame) {
-    const hyi_swarm *swarm = &journey->swarm;
+    const hyi_swarm *swarm = journey->swarm;
     bool cull = HYI_CULL_SHARE * frame->hits >= frame->count;
     for (; frame->next < frame->children; frame->next++) {
         uint32_t c = frame->order[frame->next], leaf = frame->node->child[c], *list = frame->lists + c * frame->stride, count = frame->dealt[c];
@@ -21542,55 +22055,37 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_fram
     frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
-/* Goes on until the next list is dealt out, whose nodes then have time to come from memory; false: the journey is over. */
-HYI_FN HYI_TARGET bool HYI_I(hyi_advance)(hyi_journey *journey) {
-    const hyi_swarm *swarm = &journey->swarm;
-    while (journey->depth) {
-        hyi_frame *frame = &journey->frames[journey->depth - 1u];
-        if (frame->next == frame->children) {
-            if (--journey->depth) frame[-1].hits += frame->hits;
-            continue;
-        }
-        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
-            HYI_I(hyi_list_leaves)(journey, frame);
-            continue;
-        }
-        frame->next++;
-        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
-            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
-            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
-            continue;
-        }
-        if (HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits)) return true;
+/* Goes on from a node to the first of its children not yet visited, or back. */
+HYI_INLINE HYI_TARGET void HYI_I(hyi_advance)(hyi_journey *journey) {
+    const hyi_swarm *swarm = journey->swarm;
+    hyi_frame *frame = &journey->frames[journey->depth - 1u];
+    if (frame->next == frame->children) {
+        if (--journey->depth) frame[-1].hits += frame->hits;
+        return;
     }
-    return false;
+    uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+    if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+        HYI_I(hyi_list_leaves)(journey, frame);
+        return;
+    }
+    frame->next++;
+    if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+        HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+        frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+        return;
+    }
+    HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits);
 }
 
-/* Into how many parts a list is cut. Each has shorter lists, and visits more nodes for its rays: only waiting for memory is dearer,
-   and rays that any hit ends wait little. */
-HYI_INLINE uint32_t HYI_I(hyi_count_journeys)(const hyi_swarm *swarm, uint32_t count) {
-    bool waits = !swarm->any && swarm->site.bvh->bytes >= HYI_LARGE_TREE;
-    return waits && count >= HYI_JOURNEYS * HYI_STREAM_LEAST ? HYI_JOURNEYS : 1u;
-}
-
-/* Sends a list of flights through a tree with nodes, in parts that take turns: while what one comes to is on its way from memory,
-   the others go on. space: memory for lists, up to swarm->lists_end. */
+/* Sends a list of flights through a tree with nodes. space: memory for lists, up to swarm->lists_end. */
 HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
-    hyi_journey journeys[HYI_JOURNEYS];
-    uint32_t parts = HYI_I(hyi_count_journeys)(swarm, count), share = (count + parts - 1u) / parts, hits = 0, going = 0;
-    size_t room = (size_t)(swarm->lists_end - space) / parts;
-    for (uint32_t k = 0; k < parts; k++) {
-        uint32_t first = k * share, some = count - first < share ? count - first : share;
-        journeys[k].swarm = *swarm;
-        journeys[k].swarm.lists_end = space + (k + 1u) * room;
-        journeys[k].depth = journeys[k].waiters.at_leaves = journeys[k].waiters.at_nodes = 0;
-        going |= (HYI_I(hyi_go_on)(&journeys[k], swarm->site.bvh->root, list + first, some, space + k * room, &hits) ? 1u : 0u) << k;
-    }
-    while (going)
-        for (uint32_t k = 0; k < parts; k++)
-            if ((going >> k & 1u) && !HYI_I(hyi_advance)(&journeys[k])) going &= ~(1u << k);
-    for (uint32_t k = 0; k < parts; k++) (void)HYI_I(hyi_run_waiters)(&journeys[k], 0, 0);
+    hyi_journey journey;
+    uint32_t hits = 0;
+    journey.swarm = swarm;
+    journey.depth = journey.waiters.at_leaves = journey.waiters.at_nodes = 0;
+    HYI_I(hyi_go_on)(&journey, swarm->site.bvh->root, list, count, space, &hits);
+    while (journey.depth) HYI_I(hyi_advance)(&journey);
+    (void)HYI_I(hyi_run_waiters)(&journey, 0, 0);
 }
 
 /* The same, of any tree. */
@@ -21739,6 +22234,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_DIV8
 #undef HYI_DIVD
 #undef HYI_DIVW
+#undef HYI_EXACT_ALONE
 #undef HYI_EXCEED4
 #undef HYI_F4
 #undef HYI_F8
@@ -21814,6 +22310,7 @@ HYI_FN HYI_TARGET bool HYI_I(hyi_trace_slice)(const hyi_site *site, hyi_ray_stre
 #undef HYI_SET8
 #undef HYI_SETD
 #undef HYI_SETW
+#undef HYI_PUSH_SEVERAL
 #undef HYI_RAY_WORDS
 #undef HYI_RECORDS
 #undef HYI_SIGNED4
@@ -22884,8 +23381,8 @@ HYI_FN hydra_result hyi_make_tree(hydra_scene *scene, const hyi_tree_source *sou
         scene->info.trees_loaded++;
         return HYDRA_OK;
     }
-    HYI_TRY(hyi_bvh_build_triangles(scene->context, source->positions, source->indices, source->triangle_count, source->build, bvh));
-    quality->cost = quality->cost_when_built = hyi_bvh_cost(bvh);
+    HYI_TRY(hyi_bvh_build_triangles(scene->context, source->positions, source->indices, source->triangle_count, source->build, bvh, &quality->cost));
+    quality->cost_when_built = quality->cost;
     quality->refitted = false;
     scene->info.meshes_built++;
     return HYDRA_OK;

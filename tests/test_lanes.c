@@ -214,13 +214,6 @@ static void tl_limit_to_truth(uint32_t count) {
     }
 }
 
-/* Lists go in parts through trees that say that they are large. */
-static void tl_say_large(tl_scene *s, bool large) {
-    size_t bytes = large ? HYI_LARGE_TREE : 0;
-    s->scene->world.bytes = s->scene->top.bytes = bytes;
-    for (size_t m = 0; m < s->scene->view_mesh_count; m++) s->scene->view_bvhs[m].bytes = bytes;
-}
-
 /* Commits the scene, and ends it. */
 static void tl_all_kinds(tl_scene *s, uint32_t seed) {
     static const uint32_t counts[TL_KINDS] = {4097, 1, 64, 4095, 49, 4096, 48, 63, 47};
@@ -232,7 +225,6 @@ static void tl_all_kinds(tl_scene *s, uint32_t seed) {
         if (count > 200 && (kind == TL_FAR || (ht_quick() && seed != 12))) count = 200;
         tl_fill(s, &rng, kind, count);
         rays += count;
-        tl_say_large(s, i % 3 != 0);
         found += tl_compare_all(s, count);
         if (count > 64 && i % 2) continue;
         tl_limit_to_truth(count);
@@ -550,7 +542,6 @@ static void lists_without_room(void **state) {
         hyi_ray_stream stream;
         accel.isa = (hydra_isa)(isa / 2);
         if (!hyi_isa_is_there(accel.isa)) continue;
-        tl_say_large(&s, isa % 2 != 0);
         ht_ok(s.host.context, hyi_ray_stream_alloc(s.host.context, &accel, HYI_STREAM_RAYS, &stream));
         size_t whole = stream.list_count;
         stream.list_count = 12u * (HYI_STREAM_RAYS + 16u) + HYI_LIST_RESERVE; /* as few as a list begins with */

@@ -189,10 +189,9 @@ HYI_INLINE HYI_AVX512 __m256 hyi_least_of_each_avx512(const __m256 v[8]) {
     return _mm256_min_ps(_mm256_permute2f128_ps(b[0], b[1], 0x20), _mm256_permute2f128_ps(b[0], b[1], 0x31));
 }
 
-/* Deals out a list of flights as far as it makes blocks of sixteen, and returns how far; least: of each child, where rays enter it, which
-   none asks of rays that any hit ends. */
+/* Deals out a list of flights as far as it makes blocks of sixteen, and returns how far; least: of each child, where rays enter it. */
 HYI_INLINE HYI_AVX512 uint32_t hyi_deal_sixteens_avx512(const hyi_flight *flights, hyi_centred_avx512 *boxes, const uint32_t *list, uint32_t count,
-                                                        uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH], bool any) {
+                                                        uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 least[HYI_WIDTH]) {
     __m512 enters[HYI_WIDTH];
     uint32_t first = 0;
     for (uint32_t c = 0; c < HYI_WIDTH; c++) enters[c] = _mm512_set1_ps(FLT_MAX);
@@ -205,15 +204,12 @@ HYI_INLINE HYI_AVX512 uint32_t hyi_deal_sixteens_avx512(const hyi_flight *flight
         for (uint32_t c = 0; c < HYI_WIDTH; c++) {
             __m512 enter;
             __mmask16 takes = hyi_meet_child16_avx512(&slabs, boxes, c, &enter);
-            if (!any) enters[c] = _mm512_mask_min_ps(enters[c], takes, enters[c], enter);
+            enters[c] = _mm512_mask_min_ps(enters[c], takes, enters[c], enter);
             _mm512_storeu_si512(lists + (size_t)c * stride + dealt[c], _mm512_maskz_compress_epi32(takes, items));
             dealt[c] += (uint32_t)_mm_popcnt_u32(hyi_bits16_avx512(takes));
         }
     }
-    for (uint32_t c = 0; c < HYI_WIDTH; c++) {
-        __m256 of_two = _mm256_min_ps(_mm512_castps512_ps256(enters[c]), _mm512_extractf32x8_ps(enters[c], 1));
-        least[c] = any ? _mm256_set1_ps(dealt[c] ? HYI_T_SOONEST : FLT_MAX) : of_two;
-    }
+    for (uint32_t c = 0; c < HYI_WIDTH; c++) least[c] = _mm256_min_ps(_mm512_castps512_ps256(enters[c]), _mm512_extractf32x8_ps(enters[c], 1));
     return first;
 }
 
@@ -245,8 +241,7 @@ HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_swarm *swarm, co
     uint32_t first, taken[HYI_WIDTH] = {0}; /* apart from dealt, which lies in memory with the lists */
     if (count < 8u) return 0;
     hyi_centre_boxes_avx512(swarm, node, &boxes);
-    if (swarm->any) first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least, true);
-    else first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least, false);
+    first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least);
     first = hyi_deal_eights_avx512(swarm->flights, &boxes, list, first, count, lists, stride, taken, least);
     memcpy(dealt, taken, sizeof taken);
     *nearest = hyi_least_of_each_avx512(least);

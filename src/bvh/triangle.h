@@ -50,7 +50,6 @@
 #endif
 
 #define HYI_NO_HIT FLT_MAX                   /* a t beyond every limit */
-#define HYI_T_SOONEST (-3.4028232635611926e+38f) /* before all t but -FLT_MAX, where rays that are done end */
 
 /* A ray in the units of one tree. t here times unit is t of the ray. Planes are met at t = plane * inverse + offset. */
 typedef struct hyi_aim {
