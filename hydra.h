@@ -5956,8 +5956,8 @@ typedef struct hyi_build {
     hyi_ref *units;           /* in units: HYI_PIECE_UNITS places for each piece */
     hyi_ref *crowd;           /* for pieces with more */
     size_t crowd_count;
-    hyi_ref *small;           /* for units and keys of few triangles */
-    size_t small_count;
+    hyi_ref *spare;           /* for units and keys of few triangles */
+    size_t spare_count;
     hyi_ref *block;           /* refs, and in quick builds order before them and room behind */
     size_t room;              /* its places */
     bool nodes_in_room;       /* nodes, costs and parents lie there as well */
@@ -6229,9 +6229,9 @@ HYI_FN hydra_result hyi_place_rows(hyi_build *build) {
     HYI_TRY(hyi_alloc_array(build->context, &build->bvh->rows, floats));
     build->units = (hyi_ref *)(void *)build->bvh->rows;
     if (all * sizeof(hyi_ref) > floats * sizeof(float)) {
-        HYI_TRY(hyi_alloc_array(build->context, &build->small, all));
-        build->small_count = all;
-        build->units = build->small;
+        HYI_TRY(hyi_alloc_array(build->context, &build->spare, all));
+        build->spare_count = all;
+        build->units = build->spare;
     }
     build->keys = (uint64_t *)(void *)(build->units + first);
     return HYDRA_OK;
@@ -8740,7 +8740,7 @@ HYI_FN void hyi_build_release(hyi_build *build) {
         if (build->in_units) hyi_free_array(build->context, &build->places, build->node_capacity / 2u);
     }
     hyi_free_array(build->context, &build->block, build->room);
-    hyi_free_array(build->context, &build->small, build->small_count);
+    hyi_free_array(build->context, &build->spare, build->spare_count);
     hyi_free_array(build->context, &build->crowd, build->crowd_count);
     hyi_free_array(build->context, &build->pieces, build->piece_count);
     hyi_free_array(build->context, &build->chunks, build->chunk_count);
@@ -10501,6 +10501,13 @@ typedef struct hyi_waiters {
     float enter[HYI_LEAVES_MOST]; /* no flight of its list entered the leaf's box before */
     uint32_t at_nodes, node_rays[HYI_NODES_MOST], nodes[HYI_NODES_MOST];
 } hyi_waiters;
+
+/* A list and what it comes to next. space: memory for lists after it; hits: where hits of its rays are counted. */
+typedef struct hyi_errand {
+    uint32_t at, count;
+    const uint32_t *list;
+    uint32_t *space, *hits;
+} hyi_errand;
 
 /* A list of flights on its way down a tree. */
 typedef struct hyi_journey {
@@ -13617,12 +13624,12 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
 }
 
 /* Sends a list on to what is no leaf of triangles. Where memory for lists is short, rays go one by one. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, const hyi_errand *to) {
     const hyi_swarm *swarm = journey->swarm;
-    bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
-    if (!fits) *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    else if (hyi_child_is_leaf(at)) HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    else HYI_I(hyi_arrive)(journey, at, list, count, space);
+    bool fits = (size_t)(swarm->lists_end - to->space) >= (size_t)(HYI_WIDTH + 2u) * (to->count + 16u);
+    if (!fits) *to->hits += HYI_I(hyi_list_one_by_one)(swarm, to->at, to->list, to->count);
+    else if (hyi_child_is_leaf(to->at)) HYI_I(hyi_list_enter)(swarm, to->at, to->list, to->count, to->space);
+    else HYI_I(hyi_arrive)(journey, to->at, to->list, to->count, to->space);
 }
 
 /* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
@@ -13708,36 +13715,50 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_fram
     frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
-/* Goes on from a node to the first of its children not yet visited, or back. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_advance)(hyi_journey *journey) {
+/* Finds the list that goes on next; those that are short wait, and so do rays at leaves. false: there is none. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_next)(hyi_journey *journey, hyi_errand *next) {
     const hyi_swarm *swarm = journey->swarm;
-    hyi_frame *frame = &journey->frames[journey->depth - 1u];
-    if (frame->next == frame->children) {
-        if (--journey->depth) frame[-1].hits += frame->hits;
-        return;
+    while (journey->depth) {
+        hyi_frame *frame = &journey->frames[journey->depth - 1u];
+        if (frame->next == frame->children) {
+            if (--journey->depth) frame[-1].hits += frame->hits;
+            continue;
+        }
+        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+            HYI_I(hyi_list_leaves)(journey, frame);
+            continue;
+        }
+        frame->next++;
+        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+            continue;
+        }
+        next->at = at;
+        next->list = list;
+        next->count = frame->dealt[c];
+        next->space = frame->lists + HYI_WIDTH * frame->stride;
+        next->hits = &frame->hits;
+        return true;
     }
-    uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-    if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
-        HYI_I(hyi_list_leaves)(journey, frame);
-        return;
-    }
-    frame->next++;
-    if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
-        HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
-        frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
-        return;
-    }
-    HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits);
+    return false;
 }
 
 /* Sends a list of flights through a tree with nodes. space: memory for lists, up to swarm->lists_end. */
 HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_journey journey;
+    hyi_errand next;
     uint32_t hits = 0;
     journey.swarm = swarm;
     journey.depth = journey.waiters.at_leaves = journey.waiters.at_nodes = 0;
-    HYI_I(hyi_go_on)(&journey, swarm->site.bvh->root, list, count, space, &hits);
-    while (journey.depth) HYI_I(hyi_advance)(&journey);
+    next.at = swarm->site.bvh->root;
+    next.list = list;
+    next.count = count;
+    next.space = space;
+    next.hits = &hits;
+    do HYI_I(hyi_go_on)(&journey, &next);
+    while (HYI_I(hyi_find_next)(&journey, &next));
     (void)HYI_I(hyi_run_waiters)(&journey, 0, 0);
 }
 
@@ -16478,12 +16499,12 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
 }
 
 /* Sends a list on to what is no leaf of triangles. Where memory for lists is short, rays go one by one. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, const hyi_errand *to) {
     const hyi_swarm *swarm = journey->swarm;
-    bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
-    if (!fits) *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    else if (hyi_child_is_leaf(at)) HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    else HYI_I(hyi_arrive)(journey, at, list, count, space);
+    bool fits = (size_t)(swarm->lists_end - to->space) >= (size_t)(HYI_WIDTH + 2u) * (to->count + 16u);
+    if (!fits) *to->hits += HYI_I(hyi_list_one_by_one)(swarm, to->at, to->list, to->count);
+    else if (hyi_child_is_leaf(to->at)) HYI_I(hyi_list_enter)(swarm, to->at, to->list, to->count, to->space);
+    else HYI_I(hyi_arrive)(journey, to->at, to->list, to->count, to->space);
 }
 
 /* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
@@ -16569,36 +16590,50 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_fram
     frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
-/* Goes on from a node to the first of its children not yet visited, or back. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_advance)(hyi_journey *journey) {
+/* Finds the list that goes on next; those that are short wait, and so do rays at leaves. false: there is none. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_next)(hyi_journey *journey, hyi_errand *next) {
     const hyi_swarm *swarm = journey->swarm;
-    hyi_frame *frame = &journey->frames[journey->depth - 1u];
-    if (frame->next == frame->children) {
-        if (--journey->depth) frame[-1].hits += frame->hits;
-        return;
+    while (journey->depth) {
+        hyi_frame *frame = &journey->frames[journey->depth - 1u];
+        if (frame->next == frame->children) {
+            if (--journey->depth) frame[-1].hits += frame->hits;
+            continue;
+        }
+        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+            HYI_I(hyi_list_leaves)(journey, frame);
+            continue;
+        }
+        frame->next++;
+        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+            continue;
+        }
+        next->at = at;
+        next->list = list;
+        next->count = frame->dealt[c];
+        next->space = frame->lists + HYI_WIDTH * frame->stride;
+        next->hits = &frame->hits;
+        return true;
     }
-    uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-    if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
-        HYI_I(hyi_list_leaves)(journey, frame);
-        return;
-    }
-    frame->next++;
-    if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
-        HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
-        frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
-        return;
-    }
-    HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits);
+    return false;
 }
 
 /* Sends a list of flights through a tree with nodes. space: memory for lists, up to swarm->lists_end. */
 HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_journey journey;
+    hyi_errand next;
     uint32_t hits = 0;
     journey.swarm = swarm;
     journey.depth = journey.waiters.at_leaves = journey.waiters.at_nodes = 0;
-    HYI_I(hyi_go_on)(&journey, swarm->site.bvh->root, list, count, space, &hits);
-    while (journey.depth) HYI_I(hyi_advance)(&journey);
+    next.at = swarm->site.bvh->root;
+    next.list = list;
+    next.count = count;
+    next.space = space;
+    next.hits = &hits;
+    do HYI_I(hyi_go_on)(&journey, &next);
+    while (HYI_I(hyi_find_next)(&journey, &next));
     (void)HYI_I(hyi_run_waiters)(&journey, 0, 0);
 }
 
@@ -19230,12 +19265,12 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
 }
 
 /* Sends a list on to what is no leaf of triangles. Where memory for lists is short, rays go one by one. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, const hyi_errand *to) {
     const hyi_swarm *swarm = journey->swarm;
-    bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
-    if (!fits) *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    else if (hyi_child_is_leaf(at)) HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    else HYI_I(hyi_arrive)(journey, at, list, count, space);
+    bool fits = (size_t)(swarm->lists_end - to->space) >= (size_t)(HYI_WIDTH + 2u) * (to->count + 16u);
+    if (!fits) *to->hits += HYI_I(hyi_list_one_by_one)(swarm, to->at, to->list, to->count);
+    else if (hyi_child_is_leaf(to->at)) HYI_I(hyi_list_enter)(swarm, to->at, to->list, to->count, to->space);
+    else HYI_I(hyi_arrive)(journey, to->at, to->list, to->count, to->space);
 }
 
 /* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
@@ -19321,36 +19356,50 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_fram
     frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
-/* Goes on from a node to the first of its children not yet visited, or back. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_advance)(hyi_journey *journey) {
+/* Finds the list that goes on next; those that are short wait, and so do rays at leaves. false: there is none. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_next)(hyi_journey *journey, hyi_errand *next) {
     const hyi_swarm *swarm = journey->swarm;
-    hyi_frame *frame = &journey->frames[journey->depth - 1u];
-    if (frame->next == frame->children) {
-        if (--journey->depth) frame[-1].hits += frame->hits;
-        return;
+    while (journey->depth) {
+        hyi_frame *frame = &journey->frames[journey->depth - 1u];
+        if (frame->next == frame->children) {
+            if (--journey->depth) frame[-1].hits += frame->hits;
+            continue;
+        }
+        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+            HYI_I(hyi_list_leaves)(journey, frame);
+            continue;
+        }
+        frame->next++;
+        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+            continue;
+        }
+        next->at = at;
+        next->list = list;
+        next->count = frame->dealt[c];
+        next->space = frame->lists + HYI_WIDTH * frame->stride;
+        next->hits = &frame->hits;
+        return true;
     }
-    uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-    if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
-        HYI_I(hyi_list_leaves)(journey, frame);
-        return;
-    }
-    frame->next++;
-    if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
-        HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
-        frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
-        return;
-    }
-    HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits);
+    return false;
 }
 
 /* Sends a list of flights through a tree with nodes. space: memory for lists, up to swarm->lists_end. */
 HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_journey journey;
+    hyi_errand next;
     uint32_t hits = 0;
     journey.swarm = swarm;
     journey.depth = journey.waiters.at_leaves = journey.waiters.at_nodes = 0;
-    HYI_I(hyi_go_on)(&journey, swarm->site.bvh->root, list, count, space, &hits);
-    while (journey.depth) HYI_I(hyi_advance)(&journey);
+    next.at = swarm->site.bvh->root;
+    next.list = list;
+    next.count = count;
+    next.space = space;
+    next.hits = &hits;
+    do HYI_I(hyi_go_on)(&journey, &next);
+    while (HYI_I(hyi_find_next)(&journey, &next));
     (void)HYI_I(hyi_run_waiters)(&journey, 0, 0);
 }
 
@@ -21964,12 +22013,12 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
 }
 
 /* Sends a list on to what is no leaf of triangles. Where memory for lists is short, rays go one by one. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, const hyi_errand *to) {
     const hyi_swarm *swarm = journey->swarm;
-    bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
-    if (!fits) *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    else if (hyi_child_is_leaf(at)) HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    else HYI_I(hyi_arrive)(journey, at, list, count, space);
+    bool fits = (size_t)(swarm->lists_end - to->space) >= (size_t)(HYI_WIDTH + 2u) * (to->count + 16u);
+    if (!fits) *to->hits += HYI_I(hyi_list_one_by_one)(swarm, to->at, to->list, to->count);
+    else if (hyi_child_is_leaf(to->at)) HYI_I(hyi_list_enter)(swarm, to->at, to->list, to->count, to->space);
+    else HYI_I(hyi_arrive)(journey, to->at, to->list, to->count, to->space);
 }
 
 /* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
@@ -22055,36 +22104,50 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_fram
     frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
-/* Goes on from a node to the first of its children not yet visited, or back. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_advance)(hyi_journey *journey) {
+/* Finds the list that goes on next; those that are short wait, and so do rays at leaves. false: there is none. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_next)(hyi_journey *journey, hyi_errand *next) {
     const hyi_swarm *swarm = journey->swarm;
-    hyi_frame *frame = &journey->frames[journey->depth - 1u];
-    if (frame->next == frame->children) {
-        if (--journey->depth) frame[-1].hits += frame->hits;
-        return;
+    while (journey->depth) {
+        hyi_frame *frame = &journey->frames[journey->depth - 1u];
+        if (frame->next == frame->children) {
+            if (--journey->depth) frame[-1].hits += frame->hits;
+            continue;
+        }
+        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+            HYI_I(hyi_list_leaves)(journey, frame);
+            continue;
+        }
+        frame->next++;
+        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+            continue;
+        }
+        next->at = at;
+        next->list = list;
+        next->count = frame->dealt[c];
+        next->space = frame->lists + HYI_WIDTH * frame->stride;
+        next->hits = &frame->hits;
+        return true;
     }
-    uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-    if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
-        HYI_I(hyi_list_leaves)(journey, frame);
-        return;
-    }
-    frame->next++;
-    if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
-        HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
-        frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
-        return;
-    }
-    HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits);
+    return false;
 }
 
 /* Sends a list of flights through a tree with nodes. space: memory for lists, up to swarm->lists_end. */
 HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_journey journey;
+    hyi_errand next;
     uint32_t hits = 0;
     journey.swarm = swarm;
     journey.depth = journey.waiters.at_leaves = journey.waiters.at_nodes = 0;
-    HYI_I(hyi_go_on)(&journey, swarm->site.bvh->root, list, count, space, &hits);
-    while (journey.depth) HYI_I(hyi_advance)(&journey);
+    next.at = swarm->site.bvh->root;
+    next.list = list;
+    next.count = count;
+    next.space = space;
+    next.hits = &hits;
+    do HYI_I(hyi_go_on)(&journey, &next);
+    while (HYI_I(hyi_find_next)(&journey, &next));
     (void)HYI_I(hyi_run_waiters)(&journey, 0, 0);
 }
 

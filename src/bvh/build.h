@@ -24,7 +24,7 @@ HYI_FN void hyi_build_release(hyi_build *build) {
         if (build->in_units) hyi_free_array(build->context, &build->places, build->node_capacity / 2u);
     }
     hyi_free_array(build->context, &build->block, build->room);
-    hyi_free_array(build->context, &build->small, build->small_count);
+    hyi_free_array(build->context, &build->spare, build->spare_count);
     hyi_free_array(build->context, &build->crowd, build->crowd_count);
     hyi_free_array(build->context, &build->pieces, build->piece_count);
     hyi_free_array(build->context, &build->chunks, build->chunk_count);

@@ -64,8 +64,8 @@ typedef struct hyi_build {
     hyi_ref *units;           /* in units: HYI_PIECE_UNITS places for each piece */
     hyi_ref *crowd;           /* for pieces with more */
     size_t crowd_count;
-    hyi_ref *small;           /* for units and keys of few triangles */
-    size_t small_count;
+    hyi_ref *spare;           /* for units and keys of few triangles */
+    size_t spare_count;
     hyi_ref *block;           /* refs, and in quick builds order before them and room behind */
     size_t room;              /* its places */
     bool nodes_in_room;       /* nodes, costs and parents lie there as well */
@@ -337,9 +337,9 @@ HYI_FN hydra_result hyi_place_rows(hyi_build *build) {
     HYI_TRY(hyi_alloc_array(build->context, &build->bvh->rows, floats));
     build->units = (hyi_ref *)(void *)build->bvh->rows;
     if (all * sizeof(hyi_ref) > floats * sizeof(float)) {
-        HYI_TRY(hyi_alloc_array(build->context, &build->small, all));
-        build->small_count = all;
-        build->units = build->small;
+        HYI_TRY(hyi_alloc_array(build->context, &build->spare, all));
+        build->spare_count = all;
+        build->units = build->spare;
     }
     build->keys = (uint64_t *)(void *)(build->units + first);
     return HYDRA_OK;

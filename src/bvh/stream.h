@@ -143,6 +143,13 @@ typedef struct hyi_waiters {
     uint32_t at_nodes, node_rays[HYI_NODES_MOST], nodes[HYI_NODES_MOST];
 } hyi_waiters;
 
+/* A list and what it comes to next. space: memory for lists after it; hits: where hits of its rays are counted. */
+typedef struct hyi_errand {
+    uint32_t at, count;
+    const uint32_t *list;
+    uint32_t *space, *hits;
+} hyi_errand;
+
 /* A list of flights on its way down a tree. */
 typedef struct hyi_journey {
     const hyi_swarm *swarm;

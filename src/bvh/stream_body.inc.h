@@ -198,12 +198,12 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_arrive)(hyi_journey *journey, uint32_t at, 
 }
 
 /* Sends a list on to what is no leaf of triangles. Where memory for lists is short, rays go one by one. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, uint32_t at, const uint32_t *list, uint32_t count, uint32_t *space, uint32_t *hits) {
+HYI_INLINE HYI_TARGET void HYI_I(hyi_go_on)(hyi_journey *journey, const hyi_errand *to) {
     const hyi_swarm *swarm = journey->swarm;
-    bool fits = (size_t)(swarm->lists_end - space) >= (size_t)(HYI_WIDTH + 2u) * (count + 16u);
-    if (!fits) *hits += HYI_I(hyi_list_one_by_one)(swarm, at, list, count);
-    else if (hyi_child_is_leaf(at)) HYI_I(hyi_list_enter)(swarm, at, list, count, space);
-    else HYI_I(hyi_arrive)(journey, at, list, count, space);
+    bool fits = (size_t)(swarm->lists_end - to->space) >= (size_t)(HYI_WIDTH + 2u) * (to->count + 16u);
+    if (!fits) *to->hits += HYI_I(hyi_list_one_by_one)(swarm, to->at, to->list, to->count);
+    else if (hyi_child_is_leaf(to->at)) HYI_I(hyi_list_enter)(swarm, to->at, to->list, to->count, to->space);
+    else HYI_I(hyi_arrive)(journey, to->at, to->list, to->count, to->space);
 }
 
 /* Flights meet the leaves that they wait at, but those that have met something nearer meanwhile. Returns how many had a hit. */
@@ -289,36 +289,50 @@ HYI_INLINE HYI_TARGET void HYI_I(hyi_list_leaves)(hyi_journey *journey, hyi_fram
     frame->hits += HYI_I(hyi_run_waiters)(journey, UINT32_MAX, HYI_LEAVES_LEAST);
 }
 
-/* Goes on from a node to the first of its children not yet visited, or back. */
-HYI_INLINE HYI_TARGET void HYI_I(hyi_advance)(hyi_journey *journey) {
+/* Finds the list that goes on next; those that are short wait, and so do rays at leaves. false: there is none. */
+HYI_INLINE HYI_TARGET bool HYI_I(hyi_find_next)(hyi_journey *journey, hyi_errand *next) {
     const hyi_swarm *swarm = journey->swarm;
-    hyi_frame *frame = &journey->frames[journey->depth - 1u];
-    if (frame->next == frame->children) {
-        if (--journey->depth) frame[-1].hits += frame->hits;
-        return;
+    while (journey->depth) {
+        hyi_frame *frame = &journey->frames[journey->depth - 1u];
+        if (frame->next == frame->children) {
+            if (--journey->depth) frame[-1].hits += frame->hits;
+            continue;
+        }
+        uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
+        if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
+            HYI_I(hyi_list_leaves)(journey, frame);
+            continue;
+        }
+        frame->next++;
+        if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
+            HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
+            frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
+            continue;
+        }
+        next->at = at;
+        next->list = list;
+        next->count = frame->dealt[c];
+        next->space = frame->lists + HYI_WIDTH * frame->stride;
+        next->hits = &frame->hits;
+        return true;
     }
-    uint32_t c = frame->order[frame->next], at = frame->node->child[c], *list = frame->lists + c * frame->stride;
-    if (swarm->site.bvh->rows && hyi_child_is_leaf(at)) {
-        HYI_I(hyi_list_leaves)(journey, frame);
-        return;
-    }
-    frame->next++;
-    if (swarm->site.bvh->rows && frame->dealt[c] <= HYI_NODES_OF_LIST) {
-        HYI_I(hyi_wait_at_node)(&journey->waiters, at, list, frame->dealt[c]);
-        frame->hits += HYI_I(hyi_run_waiters)(journey, HYI_NODES_LEAST, HYI_LEAVES_LEAST);
-        return;
-    }
-    HYI_I(hyi_go_on)(journey, at, list, frame->dealt[c], frame->lists + HYI_WIDTH * frame->stride, &frame->hits);
+    return false;
 }
 
 /* Sends a list of flights through a tree with nodes. space: memory for lists, up to swarm->lists_end. */
 HYI_FN HYI_TARGET void HYI_I(hyi_travel)(const hyi_swarm *swarm, const uint32_t *list, uint32_t count, uint32_t *space) {
     hyi_journey journey;
+    hyi_errand next;
     uint32_t hits = 0;
     journey.swarm = swarm;
     journey.depth = journey.waiters.at_leaves = journey.waiters.at_nodes = 0;
-    HYI_I(hyi_go_on)(&journey, swarm->site.bvh->root, list, count, space, &hits);
-    while (journey.depth) HYI_I(hyi_advance)(&journey);
+    next.at = swarm->site.bvh->root;
+    next.list = list;
+    next.count = count;
+    next.space = space;
+    next.hits = &hits;
+    do HYI_I(hyi_go_on)(&journey, &next);
+    while (HYI_I(hyi_find_next)(&journey, &next));
     (void)HYI_I(hyi_run_waiters)(&journey, 0, 0);
 }
 
