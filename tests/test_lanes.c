@@ -598,8 +598,8 @@ static void waiting_in_numbers(void **state) {
     tl_end(&s);
 }
 
-/* A list's slabs are as thick as its farthest ray needs: rays from near by, and from as far as coordinates are, go in lists, and one
-   from very far away sends all of its slice one by one. */
+/* The slabs of blocks are as thick as the farthest ray of a slice needs: rays from near by, and from as far as coordinates are, go in
+   blocks, and one from very far away keeps its slice from it. */
 static void thick_slabs(void **state) {
     (void)state;
     for (int k = 0; k < 3; k++) {
@@ -625,6 +625,38 @@ static void thick_slabs(void **state) {
     }
 }
 
+/* Triangles that collapse to a point far away keep their place in a refitted tree: boxes reach there, from the midst of the others. */
+static void boxes_that_reach_far(void **state) {
+    (void)state;
+    for (int k = 0; k < 14; k++) {
+        static tl_scene s;
+        ht_rng rng = ht_rng_make(80 + (uint64_t)k);
+        hydra_view none;
+        memset(&none, 0, sizeof none);
+        tl_begin(&s);
+        const float size = 1.0f / 64.0f; /* scales keep to coordinates below 2^20: so much larger is the way to there */
+        s.size = size;
+        ht_mesh mesh = ht_soup(&rng, 3000, size, 0.1f * size);
+        hydra_material_desc material;
+        memset(&material, 0, sizeof material);
+        hydra_mesh_desc desc = ht_mesh_desc(&mesh, hydra_scene_add_material(s.scene, &material));
+        desc.dynamic = true;
+        hydra_mesh handle = hydra_scene_add_mesh(s.scene, &desc);
+        ht_ok(s.host.context, hydra_scene_commit(s.scene));
+        for (uint32_t v = 0; v < mesh.vertex_count; v += 3) {
+            float *p = mesh.positions + 3 * v;
+            if (fabsf(p[0]) + fabsf(p[1]) + fabsf(p[2]) < 0.5f * size)
+                for (int i = 0; i < 9; i++) p[i] = ldexpf(k % 2 ? 1.0f : -1.0f, 7 + k);
+        }
+        ht_ok(s.host.context, hydra_scene_move_vertices(s.scene, handle, desc.positions, none));
+        ht_ok(s.host.context, hydra_scene_commit(s.scene));
+        tl_fill(&s, &rng, TL_RANDOM, 4096);
+        assert_true(tl_compare_all(&s, 4096) > 100);
+        ht_mesh_free(&mesh);
+        tl_end(&s);
+    }
+}
+
 int hydra_test_lanes(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(meshes_alone),
@@ -640,6 +672,7 @@ int hydra_test_lanes(void) {
         cmocka_unit_test(lists_without_room),
         cmocka_unit_test(waiting_in_numbers),
         cmocka_unit_test(thick_slabs),
+        cmocka_unit_test(boxes_that_reach_far),
     };
     return cmocka_run_group_tests_name("lanes", tests, NULL, NULL);
 }

@@ -120,14 +120,18 @@ typedef struct hyi_centred_avx512 {
 } hyi_centred_avx512;
 
 /* Offsets are those of origins moved back by each ray's bound, so boxes end beyond the far planes by twice the greatest. What is rounded
-   more than in hyi_meet_boxes, in 2^-24: the middle, by its distance from the ray and the origin at most, the half and t at the middle, by
-   the former. A quarter of the bound is more (hyi_slab_bound), and is added on both sides. */
+   more than in hyi_meet_boxes, in 2^-24: the middle, by its size, the half, by its own, and t at the middle, by that of the middle and of
+   the ray's origin. 2^-23 of middle and half together, and a quarter of the bound, which is no less than 2^-24 of the origin
+   (hyi_slab_bound), are added on both sides. Bounds alone would not do: after a refit, planes may lie far outside of the box of the tree,
+   which is that of triangles with an area. */
 HYI_INLINE HYI_AVX512 void hyi_centre_boxes_avx512(const hyi_swarm *swarm, const hyi_node *node, hyi_centred_avx512 *boxes) {
     const __m256 half = _mm256_set1_ps(0.5f);
     for (int a = 0; a < 3; a++) {
         __m256 lower = _mm256_load_ps(node->planes[2 * a]), upper = _mm256_load_ps(node->planes[2 * a + 1]), bound = _mm256_set1_ps(swarm->bound[a]);
-        __m256 to_near = _mm256_fmadd_ps(_mm256_set1_ps(0.25f), bound, _mm256_mul_ps(_mm256_sub_ps(upper, lower), half));
-        _mm256_storeu_ps(boxes->middle[a], _mm256_mul_ps(_mm256_add_ps(lower, upper), half));
+        __m256 middle = _mm256_mul_ps(_mm256_add_ps(lower, upper), half), reach = _mm256_mul_ps(_mm256_sub_ps(upper, lower), half);
+        __m256 rounded = _mm256_mul_ps(_mm256_set1_ps(HYI_ULP), _mm256_add_ps(_mm256_andnot_ps(_mm256_set1_ps(-0.0f), middle), reach));
+        __m256 to_near = _mm256_fmadd_ps(_mm256_set1_ps(0.25f), bound, _mm256_add_ps(reach, rounded));
+        _mm256_storeu_ps(boxes->middle[a], middle);
         _mm256_storeu_ps(boxes->to_near[a], to_near);
         _mm256_storeu_ps(boxes->to_far[a], _mm256_fmadd_ps(_mm256_set1_ps(2.0f), bound, to_near));
     }
@@ -233,13 +237,14 @@ HYI_INLINE HYI_AVX512 uint32_t hyi_deal_eights_avx512(const hyi_flight *flights,
     return first;
 }
 
-/* Deals out a list of flights as far as it makes blocks of eight, and returns how far; nearest: as hyi_deal_rays has it. */
+/* Deals out a list of flights as far as it makes blocks of eight, and returns how far; nearest: as hyi_deal_rays has it. Blocks have the
+   bounds of the ray that needs the widest; where that is too much for others, all go by their own. */
 HYI_INLINE HYI_AVX512 uint32_t hyi_deal_blocks_avx512(const hyi_swarm *swarm, const hyi_node *node, const uint32_t *list, uint32_t count,
                                                       uint32_t *lists, uint32_t stride, uint32_t dealt[HYI_WIDTH], __m256 *nearest) {
     __m256 least[HYI_WIDTH];
     hyi_centred_avx512 boxes;
     uint32_t first, taken[HYI_WIDTH] = {0}; /* apart from dealt, which lies in memory with the lists */
-    if (count < 8u) return 0;
+    if (count < 8u || swarm->thick) return 0;
     hyi_centre_boxes_avx512(swarm, node, &boxes);
     first = hyi_deal_sixteens_avx512(swarm->flights, &boxes, list, count, lists, stride, taken, least);
     first = hyi_deal_eights_avx512(swarm->flights, &boxes, list, first, count, lists, stride, taken, least);

@@ -125,6 +125,7 @@ typedef struct hyi_swarm {
     hyi_visitors *visitors; /* of packets; NULL: there are none */
     uint32_t near_plane[3], axis[3]; /* of all packets on a list */
     float bound[3];                  /* of all flights: see hyi_cover_slabs */
+    bool thick;                      /* whether that is too much for most of them */
     bool any;
 } hyi_swarm;
 

@@ -403,8 +403,7 @@ HYI_INLINE HYI_TARGET uint32_t HYI_I(hyi_run_alike_all)(hyi_swarm *swarm, uint32
     return rest;
 }
 
-/* Sends the first count flights (deep: of those in instances) through the tree of site. bound: see hyi_cover_slabs. A list's slabs are as
-   thick as any of its rays needs; where that is too much for others, rays go one by one. */
+/* Sends the first count flights (deep: of those in instances) through the tree of site. bound: see hyi_cover_slabs. */
 HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stream *stream, uint32_t count, uint32_t *space, uint32_t *lists_end, bool deep, bool any,
                                               const float bound[3]) {
     hyi_swarm swarm;
@@ -417,7 +416,8 @@ HYI_FN HYI_TARGET void HYI_I(hyi_run_flights)(const hyi_site *site, hyi_ray_stre
     swarm.packets = stream->packets;
     swarm.any = any;
     memcpy(swarm.bound, bound, sizeof swarm.bound);
-    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE || hyi_slabs_are_thick(&site->bvh->scaled, bound)) {
+    swarm.thick = hyi_slabs_are_thick(&site->bvh->scaled, bound);
+    if ((size_t)(lists_end - space) < (size_t)12u * (room + 16u) + HYI_LIST_RESERVE) {
         for (uint32_t i = 0; i < count; i++) HYI_I(hyi_walk_scene)(site, &swarm.flights[i], site->bvh->root, any);
         return;
     }
